@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+
+namespace apgm {
+
+struct OutputOptions {
+  bool overwrite = false;  ///< replace an existing file
+  bool fsync = false;      ///< flush to the disk before the file appears
+};
+
+/// A file that appears whole or not at all: written without a name beside its target (or under a temporary
+/// one where the file system cannot do that), given its name by `commit`. Destroyed before: nothing is left,
+/// an existing target is untouched. "-" writes to standard output. Append-only.
+class OutputFile {
+ public:
+  /// @throws Error{kOutput} if the target exists (without overwrite), is not a regular file, or cannot be
+  /// written
+  explicit OutputFile(const std::string& path, const OutputOptions& options = {});
+  ~OutputFile();
+  OutputFile(OutputFile&&) noexcept;
+  OutputFile& operator=(OutputFile&&) noexcept;
+
+  /// @throws Error{kOutput} on a full disk or any other failure
+  void write(std::span<const std::byte> bytes);
+  void write(const std::string& text);
+  std::uint64_t size() const;
+  void commit();
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// @throws Error{kInvalidArgument} if `output` names the same file as one of `inputs` (device and inode)
+void check_not_an_input(const std::string& output, std::span<const std::string> inputs);
+
+}  // namespace apgm

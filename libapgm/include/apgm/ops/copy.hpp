@@ -1,0 +1,19 @@
+#pragma once
+
+#include "apgm/core/source.hpp"
+#include "apgm/ops/run.hpp"
+
+namespace apgm {
+
+struct CopyReport {
+  std::uint64_t patches = 0;  ///< that reached the sink
+  std::uint64_t layers = 0;
+  std::uint64_t layers_stored = 0;  ///< of these, passed on as stored bytes
+};
+
+/// Streams a source into a sink whose types are `sink_types` (a superset by name), all layers or those named.
+/// @param reencode  decode and encode every layer, also where stored bytes could be passed on
+CopyReport copy(const PatchSource& source, const TypeTable& sink_types, PatchSink& sink, bool reencode,
+                const RunOptions& run = {});
+
+}  // namespace apgm
