@@ -136,4 +136,23 @@ void canonicalise(Layer& layer, const LayerType& type) {
   }
 }
 
+bool is_canonical(const Layer& layer, const LayerType& type) {
+  constexpr std::uint32_t kOne = 0x3f800000, kInfinity = 0x7f800000, kMinusZero = 0x80000000,
+                          kQuietNan = 0x7fc00000;
+  for (int c = 0; c < layer.channels(); ++c) {
+    std::uint32_t bad = 0;
+    if (type.is_evidence()) {
+      // As unsigned numbers all of NaN, infinity, negatives, -0 and values above 1 lie beyond the bits of 1.
+      for (const float v : layer.plane(c)) bad |= std::bit_cast<std::uint32_t>(v) > kOne;
+    } else {
+      for (const float v : layer.plane(c)) {
+        const auto bits = std::bit_cast<std::uint32_t>(v);
+        bad |= (bits == kMinusZero) | ((bits & kInfinity) == kInfinity && bits != kQuietNan);
+      }
+    }
+    if (bad != 0) return false;
+  }
+  return !type.is_evidence() || sums_valid(layer, type.stores_omega());
+}
+
 }  // namespace apgm

@@ -74,4 +74,7 @@ bool is_vacuous(const Layer& layer, const LayerType& type);
 ///         1 + 1e-6 (with explicit Omega: differ from 1 by more than 1e-6), or a real value is infinite
 void canonicalise(Layer& layer, const LayerType& type);
 
+/// True if `canonicalise` would find nothing to change and nothing to refuse.
+bool is_canonical(const Layer& layer, const LayerType& type);
+
 }  // namespace apgm

@@ -79,6 +79,7 @@ struct StoredLayer {
   std::uint8_t encoding = 0;
   std::uint8_t step = 0;
   std::uint64_t content_hash = 0;
+  float error_bound = 0;  ///< stated bound of a lossy encoding; 0: every bit is kept
   std::vector<std::byte> bytes;
 };
 
@@ -119,6 +120,9 @@ struct Parcel {
 class PatchSink {
  public:
   virtual ~PatchSink() = default;
+  /// True if `put` takes parcels of state kStored as `load_stored` filled them, without `pack`. A sink of
+  /// another format, in memory, or with a lossy encoding says false and is given cells.
+  virtual bool takes_stored() const { return false; }
   /// Makes a parcel ready for `put`: canonicalises, drops the vacuous, encodes. Thread-safe.
   /// @throws Error{kInvalidArgument} on masses out of range
   virtual void pack(Parcel& parcel) const = 0;

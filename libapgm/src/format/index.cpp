@@ -1,0 +1,155 @@
+#include "index.hpp"
+
+#include <algorithm>
+
+#include "apgm/core/error.hpp"
+#include "codec.hpp"
+
+namespace apgm::format {
+namespace {
+
+// Pages hold small numbers in wide fields: a fixed level of zstd over transposed bytes takes most of it, and
+// keeps the index equal whatever level the layers are stored at.
+constexpr int kPageLevel = 3;
+
+[[noreturn]] void fail(const char* what) { throw Error(ErrorCode::kDamaged, what); }
+
+/// Byte k of every entry side by side: out[k * n + i] = in[i * 64 + k]; and back.
+void transpose(const std::byte* in, std::size_t n, std::byte* out) {
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < sizeof(IndexEntry); ++k) out[k * n + i] = in[i * sizeof(IndexEntry) + k];
+  }
+}
+
+void transpose_back(const std::byte* in, std::size_t n, std::byte* out) {
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < sizeof(IndexEntry); ++k) out[i * sizeof(IndexEntry) + k] = in[k * n + i];
+  }
+}
+
+PatchRange range_of(const std::vector<IndexEntry>& entries) {
+  PatchRange range;
+  for (const IndexEntry& e : entries) range.add(PatchIndex{e.ix, e.iy});
+  return range;
+}
+
+void check_entry(const IndexEntry& e, std::uint64_t end, std::size_t types) {
+  if (e.key != curve_key({e.ix, e.iy})) fail("an index entry's key does not fit its patch");
+  if (e.offset < sizeof(Preamble) || e.offset % 8 != 0 || e.offset > end || e.stored_bytes > end - e.offset ||
+      e.stored_bytes < sizeof(BlockHeader) || e.stored_bytes % 8 != 0) {
+    fail("an index entry points outside the file");
+  }
+  if (e.step > kMaxStep || e.type >= types) fail("an index entry names a step or type that does not exist");
+  if (e.reserved != 0) fail("an index entry holds reserved values");
+  if (e.encoding > kLastEncoding) {
+    throw Error(ErrorCode::kUnsupported, "a layer is stored in encoding " + std::to_string(e.encoding))
+        .hint("a newer version of apgm can read it");
+  }
+}
+
+}  // namespace
+
+fbs::PageRef append_page(std::vector<std::byte>& out, std::uint64_t offset,
+                         const std::vector<IndexEntry>& entries) {
+  const auto n = static_cast<std::uint32_t>(entries.size());
+  flatbuffers::FlatBufferBuilder fb(64);
+  fb.Finish(fbs::CreateIndexPage(fb, n));
+  std::vector<std::byte> columns(n * sizeof(IndexEntry));
+  transpose(reinterpret_cast<const std::byte*>(entries.data()), n, columns.data());
+  std::vector<std::byte> body;
+  append_frame(body, columns, kPageLevel);
+  const std::size_t start = out.size();
+  const BlockHeader header =
+      append_block(out, Kind::kIndexPage, entries.front().key,
+                   std::as_bytes(std::span(fb.GetBufferPointer(), fb.GetSize())), body);
+  const PatchRange range = range_of(entries);
+  return {offset,
+          out.size() - start,
+          header.payload_hash,
+          entries.front().key,
+          entries.back().key,
+          range.min.x,
+          range.min.y,
+          range.max.x,
+          range.max.y,
+          n,
+          0};
+}
+
+void read_page(Bytes bytes, const fbs::PageRef& ref, std::uint64_t end, std::size_t types,
+               std::vector<IndexEntry>& out) {
+  const Block block = parse_block(bytes, Kind::kIndexPage);
+  if (block.header.payload_hash != ref.hash()) fail("an index page is not the one the index names");
+  flatbuffers::Verifier verifier(reinterpret_cast<const std::uint8_t*>(block.meta.data()), block.meta.size(),
+                                 8, 64);
+  if (!verifier.VerifyBuffer<fbs::IndexPage>(nullptr)) fail("an index page is malformed");
+  const std::uint32_t n = flatbuffers::GetRoot<fbs::IndexPage>(block.meta.data())->entries();
+  if (n != ref.entries() || n < 1 || n > kPageEntries)
+    fail("an index page has another number of entries than it says");
+  std::vector<std::byte> columns(n * sizeof(IndexEntry));
+  read_frame(block.body, columns);
+  out.resize(n);
+  transpose_back(columns.data(), n, reinterpret_cast<std::byte*>(out.data()));
+  for (std::size_t i = 0; i < n; ++i) {
+    check_entry(out[i], end, types);
+    if (i > 0 && std::pair(out[i - 1].key, out[i - 1].type) >= std::pair(out[i].key, out[i].type)) {
+      fail("index entries are not in order");
+    }
+  }
+  const PatchRange covers{{ref.x_min(), ref.y_min()}, {ref.x_max(), ref.y_max()}};
+  if (out.front().key != ref.first_key() || out.back().key != ref.last_key() || !(range_of(out) == covers)) {
+    fail("an index page does not cover what the index says");
+  }
+}
+
+void append_root(std::vector<std::byte>& out, const std::vector<fbs::PageRef>& pages,
+                 const std::vector<Summary::OfType>& totals) {
+  flatbuffers::FlatBufferBuilder fb(1024 + pages.size() * sizeof(fbs::PageRef));
+  std::vector<fbs::TypeTotals> types;
+  for (const Summary::OfType& t : totals) {
+    types.emplace_back(t.layers, t.stored_bytes, t.raw_bytes,
+                       flatbuffers::span<const std::uint64_t, kMaxStep + 1>(t.layers_at));
+  }
+  const auto pages_at = fb.CreateVectorOfStructs(pages);
+  const auto totals_at = fb.CreateVectorOfStructs(types);
+  fb.Finish(fbs::CreateIndexRoot(fb, pages_at, totals_at));
+  append_block(out, Kind::kIndexRoot, 0, std::as_bytes(std::span(fb.GetBufferPointer(), fb.GetSize())), {});
+}
+
+Root read_root(Bytes bytes, std::uint64_t end, std::size_t types) {
+  const Block block = parse_block(bytes, Kind::kIndexRoot);
+  if (!block.body.empty() || block.meta.size() > kMaxRootBytes) fail("the index root is malformed");
+  flatbuffers::Verifier verifier(reinterpret_cast<const std::uint8_t*>(block.meta.data()), block.meta.size(),
+                                 8, 64);
+  if (!verifier.VerifyBuffer<fbs::IndexRoot>(nullptr)) fail("the index root is malformed");
+  const auto* root = flatbuffers::GetRoot<fbs::IndexRoot>(block.meta.data());
+  Root result;
+  const std::size_t pages = root->pages() == nullptr ? 0 : root->pages()->size();
+  const std::size_t totals = root->totals() == nullptr ? 0 : root->totals()->size();
+  if (totals != types || pages > kMaxPages) fail("the index root does not fit the layer types");
+  // The verifier lets a vector of structs lie at any address: these are copied, never read in place.
+  for (std::size_t i = 0; i < pages; ++i) {
+    fbs::PageRef ref;
+    std::memcpy(&ref, root->pages()->Data() + i * sizeof(ref), sizeof(ref));
+    if (ref.offset() < sizeof(Preamble) || ref.offset() > end || ref.bytes() > end - ref.offset() ||
+        ref.bytes() > kPageEntries * sizeof(IndexEntry) * 2 + 4096 || ref.reserved() != 0 ||
+        ref.last_key() < ref.first_key() || (i > 0 && ref.first_key() < result.pages.back().last_key())) {
+      fail("the index root names pages that cannot be");
+    }
+    result.pages.push_back(ref);
+  }
+  for (std::size_t i = 0; i < totals; ++i) {
+    fbs::TypeTotals t;
+    std::memcpy(&t, root->totals()->Data() + i * sizeof(t), sizeof(t));
+    Summary::OfType& of = result.totals.emplace_back();
+    of.layers = t.layers();
+    of.stored_bytes = t.stored_bytes();
+    of.raw_bytes = t.raw_bytes();
+    for (std::size_t k = 0; k < of.layers_at.size(); ++k) {
+      of.layers_at[k] = t.layers_at()->Get(static_cast<flatbuffers::uoffset_t>(k));
+    }
+  }
+  return result;
+}
+
+}  // namespace apgm::format

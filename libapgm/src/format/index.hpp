@@ -1,0 +1,37 @@
+#pragma once
+
+#include <vector>
+
+#include "apgm/core/source.hpp"
+#include "apgm_generated.h"
+#include "block.hpp"
+
+namespace apgm::format {
+
+/// Entries of one page, and of all pages under one root.
+inline constexpr std::size_t kPageEntries = 4096;
+inline constexpr std::uint64_t kMaxPages = std::uint64_t{1} << 20;
+inline constexpr std::uint64_t kMaxRootBytes = std::uint64_t{128} << 20;
+
+/// Appends an IndexPage block of `entries` (1 or more, sorted) to `out`, and says what it covers.
+/// `offset` is where the block goes in the file.
+fbs::PageRef append_page(std::vector<std::byte>& out, std::uint64_t offset,
+                         const std::vector<IndexEntry>& entries);
+
+/// Entries of a stored page, checked: count, strict order by (key, type), key = curve(ix, iy), blocks within
+/// [64, `end`), step, type < `types`, encoding known.
+/// @throws Error{kDamaged|kUnsupported}
+void read_page(Bytes block, const fbs::PageRef& ref, std::uint64_t end, std::size_t types,
+               std::vector<IndexEntry>& out);
+
+void append_root(std::vector<std::byte>& out, const std::vector<fbs::PageRef>& pages,
+                 const std::vector<Summary::OfType>& totals);
+
+struct Root {
+  std::vector<fbs::PageRef> pages;
+  std::vector<Summary::OfType> totals;
+};
+/// @throws Error{kDamaged}
+Root read_root(Bytes block, std::uint64_t end, std::size_t types);
+
+}  // namespace apgm::format

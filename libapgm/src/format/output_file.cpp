@@ -1,0 +1,215 @@
+#include "apgm/format/output_file.hpp"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <utility>
+#include <vector>
+
+#include "apgm/core/error.hpp"
+
+namespace apgm {
+namespace {
+
+constexpr std::size_t kBufferBytes = std::size_t{1} << 18;
+
+[[noreturn]] void fail(const std::string& path, const std::string& what, int error) {
+  Error e(ErrorCode::kOutput, "cannot " + what + " '" + path + "': " + std::strerror(error));
+  e.at(path);
+  if (error == ENOSPC || error == EDQUOT)
+    e.hint("free some space or choose another place; nothing was written");
+  throw e;
+}
+
+std::string directory_of(const std::string& path) {
+  const auto slash = path.rfind('/');
+  if (slash == std::string::npos) return ".";
+  return slash == 0 ? "/" : path.substr(0, slash);
+}
+
+/// A link is followed, so that the file it names is replaced, not the link.
+std::string resolve_link(const std::string& path) {
+  struct stat st {};
+  if (::lstat(path.c_str(), &st) != 0 || !S_ISLNK(st.st_mode)) return path;
+  char* real = ::realpath(path.c_str(), nullptr);
+  if (real == nullptr) return path;
+  std::string result(real);
+  std::free(real);
+  return result;
+}
+
+}  // namespace
+
+struct OutputFile::State {
+  std::string path;       // as the caller named it
+  std::string target;     // after links
+  std::string temporary;  // name of the file while it has one
+  OutputOptions options;
+  int fd = -1;
+  bool is_stdout = false;
+  bool is_device = false;
+  std::uint64_t size = 0;
+  std::vector<std::byte> buffer;
+
+  ~State() {
+    if (fd >= 0 && !is_stdout) ::close(fd);
+    if (!temporary.empty()) ::unlink(temporary.c_str());
+  }
+
+  void write_out(const std::byte* data, std::size_t bytes) {
+    while (bytes > 0) {
+      const ssize_t n = ::write(fd, data, bytes);
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) fail(path, "write", errno);
+      data += n;
+      bytes -= static_cast<std::size_t>(n);
+    }
+  }
+
+  void flush() {
+    write_out(buffer.data(), buffer.size());
+    buffer.clear();
+  }
+
+  /// A name beside the target that nothing has; tried in turn, so that no clock or random number is needed.
+  template <typename Try>
+  std::string beside(Try attempt) const {
+    for (int i = 0; i < 10'000; ++i) {
+      std::string name = target + ".part" + std::to_string(::getpid()) + "-" + std::to_string(i);
+      if (attempt(name)) return name;
+      if (errno != EEXIST) fail(path, "create", errno);
+    }
+    fail(path, "create", EEXIST);
+  }
+
+  void open() {
+    // A file without a name leaves nothing behind, not even when the process is killed.
+    fd = ::open(directory_of(target).c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
+    if (fd >= 0) return;
+    if (errno != EOPNOTSUPP && errno != EISDIR && errno != EINVAL) fail(path, "create", errno);
+    temporary = beside([&](const std::string& name) {
+      fd = ::open(name.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, 0666);
+      return fd >= 0;
+    });
+  }
+
+  void give_name(const std::string& from, bool replace) {
+    if (replace) {
+      if (::rename(from.c_str(), target.c_str()) != 0) fail(path, "replace", errno);
+      temporary.clear();
+      return;
+    }
+    if (::link(from.c_str(), target.c_str()) != 0) fail(path, "create", errno);
+  }
+
+  void commit() {
+    flush();
+    if (is_stdout || is_device) return;
+    if (options.fsync && ::fsync(fd) != 0) fail(path, "flush", errno);
+    const bool replace = ::access(target.c_str(), F_OK) == 0;
+    if (replace && !options.overwrite) fail(path, "create", EEXIST);
+    if (temporary.empty()) {
+      const std::string self = "/proc/self/fd/" + std::to_string(fd);
+      if (!replace) {
+        if (::linkat(AT_FDCWD, self.c_str(), AT_FDCWD, target.c_str(), AT_SYMLINK_FOLLOW) != 0) {
+          fail(path, "create", errno);
+        }
+      } else {
+        temporary = beside([&](const std::string& name) {
+          return ::linkat(AT_FDCWD, self.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) == 0;
+        });
+        keep_mode();
+        give_name(temporary, true);
+      }
+    } else {
+      if (replace) keep_mode();
+      give_name(temporary, replace);
+    }
+    if (options.fsync) sync_directory();
+    if (::close(std::exchange(fd, -1)) != 0) fail(path, "close", errno);
+  }
+
+  /// A replaced file keeps its permissions.
+  void keep_mode() const {
+    struct stat st {};
+    if (::stat(target.c_str(), &st) == 0) (void)::fchmod(fd, st.st_mode & 07777);
+  }
+
+  void sync_directory() const {
+    const int dir = ::open(directory_of(target).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (dir < 0) return;
+    (void)::fsync(dir);
+    ::close(dir);
+  }
+};
+
+OutputFile::OutputFile(const std::string& path, const OutputOptions& options)
+    : state_(std::make_unique<State>()) {
+  state_->path = path;
+  state_->options = options;
+  state_->buffer.reserve(kBufferBytes);
+  if (path == "-") {
+    state_->is_stdout = true;
+    state_->fd = STDOUT_FILENO;
+    return;
+  }
+  state_->target = resolve_link(path);
+  struct stat st {};
+  if (::stat(path.c_str(), &st) == 0) {
+    if (S_ISDIR(st.st_mode)) fail(path, "write", EISDIR);
+    if (!S_ISREG(st.st_mode)) {  // a pipe or a device is written as it is
+      state_->is_device = true;
+      state_->fd = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
+      if (state_->fd < 0) fail(path, "write", errno);
+      return;
+    }
+    if (!options.overwrite) {
+      throw Error(ErrorCode::kOutput, "output '" + path + "' already exists")
+          .hint("pass --overwrite to replace it")
+          .at(path);
+    }
+    if (::access(path.c_str(), W_OK) != 0) fail(path, "replace", errno);
+  }
+  state_->open();
+}
+
+OutputFile::~OutputFile() = default;
+OutputFile::OutputFile(OutputFile&&) noexcept = default;
+OutputFile& OutputFile::operator=(OutputFile&&) noexcept = default;
+
+void OutputFile::write(std::span<const std::byte> bytes) {
+  State& s = *state_;
+  s.size += bytes.size();
+  if (s.buffer.size() + bytes.size() > kBufferBytes) s.flush();
+  if (bytes.size() >= kBufferBytes) {
+    s.write_out(bytes.data(), bytes.size());
+  } else {
+    s.buffer.insert(s.buffer.end(), bytes.begin(), bytes.end());
+  }
+}
+
+void OutputFile::write(const std::string& text) { write(std::as_bytes(std::span(text))); }
+
+std::uint64_t OutputFile::size() const { return state_->size; }
+
+void OutputFile::commit() { state_->commit(); }
+
+void check_not_an_input(const std::string& output, std::span<const std::string> inputs) {
+  struct stat out {};
+  if (output == "-" || ::stat(output.c_str(), &out) != 0) return;
+  for (const std::string& input : inputs) {
+    struct stat in {};
+    if (input == "-" || ::stat(input.c_str(), &in) != 0) continue;
+    if (S_ISREG(out.st_mode) && in.st_dev == out.st_dev && in.st_ino == out.st_ino) {
+      throw Error(ErrorCode::kInvalidArgument, "output '" + output + "' is the input '" + input + "'")
+          .hint("write to another file, then rename it");
+    }
+  }
+}
+
+}  // namespace apgm
