@@ -1,0 +1,76 @@
+#include "codec_body.hpp"
+
+#include <memory>
+#include <new>
+
+#include <zstd.h>
+
+namespace apgm::format {
+
+void fail_body(const char* what) { throw Error(ErrorCode::kDamaged, what); }
+
+Scratch& scratch() {
+  thread_local Scratch s;
+  return s;
+}
+
+void join_planes(Bytes high, Bytes low, std::size_t n, int width, int raw_planes,
+                 std::vector<std::uint32_t>& values) {
+  values.resize(n);
+  std::uint32_t* out = values.data();
+  const auto plane = [&](int k) {
+    return k >= raw_planes ? high.data() + static_cast<std::size_t>(width - 1 - k) * n
+                           : low.data() + static_cast<std::size_t>(raw_planes - 1 - k) * n;
+  };
+  const auto at = [](const std::byte* p, std::size_t i) { return static_cast<std::uint32_t>(p[i]); };
+  if (width == 4) {
+    const std::byte *p3 = plane(3), *p2 = plane(2), *p1 = plane(1), *p0 = plane(0);
+    for (std::size_t i = 0; i < n; ++i)
+      out[i] = at(p3, i) << 24 | at(p2, i) << 16 | at(p1, i) << 8 | at(p0, i);
+  } else if (width == 2) {
+    const std::byte *p1 = plane(1), *p0 = plane(0);
+    for (std::size_t i = 0; i < n; ++i) out[i] = at(p1, i) << 8 | at(p0, i);
+  } else {
+    const std::byte* p0 = plane(0);
+    for (std::size_t i = 0; i < n; ++i) out[i] = at(p0, i);
+  }
+}
+
+void keep_smaller(Encoding encoding, std::vector<std::byte>& candidate, StoredLayer& best) {
+  if (!best.bytes.empty() && best.bytes.size() <= candidate.size()) return;
+  best.encoding = static_cast<std::uint8_t>(encoding);
+  best.bytes.swap(candidate);
+}
+
+std::size_t append_frame(std::vector<std::byte>& out, Bytes content, int level) {
+  thread_local const std::unique_ptr<ZSTD_CCtx, decltype(&ZSTD_freeCCtx)> context(ZSTD_createCCtx(),
+                                                                                  &ZSTD_freeCCtx);
+  if (context == nullptr) throw std::bad_alloc();
+  const std::size_t start = out.size();
+  out.resize(start + ZSTD_compressBound(content.size()));
+  const std::size_t n = ZSTD_compressCCtx(context.get(), out.data() + start, out.size() - start,
+                                          content.data(), content.size(), level);
+  if (ZSTD_isError(n)) throw Error(ErrorCode::kLimit, std::string("zstd: ") + ZSTD_getErrorName(n));
+  out.resize(start + n);
+  return n;
+}
+
+void read_frame(Bytes frame, std::span<std::byte> out) {
+  thread_local const std::unique_ptr<ZSTD_DCtx, decltype(&ZSTD_freeDCtx)> context(ZSTD_createDCtx(),
+                                                                                  &ZSTD_freeDCtx);
+  if (context == nullptr) throw std::bad_alloc();
+  // zstd itself accepts several frames in a row and skips frames of application data: neither belongs here.
+  if (frame.size() < 4 || read_as<std::uint32_t>(frame) != ZSTD_MAGICNUMBER)
+    fail_body("a layer does not hold a zstd frame");
+  if (ZSTD_getFrameContentSize(frame.data(), frame.size()) != out.size()) {
+    fail_body("a zstd frame does not hold the size that follows from type, encoding and step");
+  }
+  const std::size_t frame_bytes = ZSTD_findFrameCompressedSize(frame.data(), frame.size());
+  if (ZSTD_isError(frame_bytes) || frame_bytes != frame.size())
+    fail_body("a zstd frame does not fill its place");
+  const std::size_t n =
+      ZSTD_decompressDCtx(context.get(), out.data(), out.size(), frame.data(), frame.size());
+  if (ZSTD_isError(n) || n != out.size()) fail_body("a zstd frame cannot be decoded");
+}
+
+}  // namespace apgm::format
