@@ -67,7 +67,7 @@ bool Frame::CellRange::all(int step) const {
 }
 
 Point Frame::datum_m() const {
-  return {static_cast<double>(datum_x_um) * 1e-6, static_cast<double>(datum_y_um) * 1e-6};
+  return {static_cast<double>(datum_x_um) / 1e6, static_cast<double>(datum_y_um) / 1e6};
 }
 
 Point Frame::origin_m(PatchIndex patch) const { return box_m(patch).min; }

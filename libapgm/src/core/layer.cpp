@@ -70,6 +70,15 @@ Layer& Layer::operator=(const Layer& other) {
   return *this;
 }
 
+Layer& Layer::operator=(Layer&& other) noexcept {
+  data_ = std::move(other.data_);
+  capacity_ = std::exchange(other.capacity_, 0);
+  channels_ = std::exchange(other.channels_, 0);
+  step_ = std::exchange(other.step_, 0);
+  stamp_ns = std::exchange(other.stamp_ns, 0);
+  return *this;
+}
+
 void Layer::reshape(int channels, int step) {
   if (step < 0 || step > kMaxStep) throw Error(ErrorCode::kLimit, "a resolution step lies in 0..11");
   assert(channels >= 0 && channels <= 16);

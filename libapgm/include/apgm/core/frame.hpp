@@ -64,7 +64,7 @@ struct Frame {
   std::optional<std::int32_t> epsg;   ///< nullopt: said to be unknown
   std::string frame_id = "map";       ///< name of the coordinate frame; printable UTF-8, at most 255 bytes
 
-  double edge_m() const { return static_cast<double>(edge_um) * 1e-6; }
+  double edge_m() const { return static_cast<double>(edge_um) / 1e6; }
   Point datum_m() const;
   /// Side of a cell at `step`, in metres.
   double cell_m(int step) const { return edge_m() / static_cast<double>(1 << step); }

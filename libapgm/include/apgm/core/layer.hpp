@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <utility>
 
 #include "apgm/core/frame.hpp"
 #include "apgm/core/layer_type.hpp"
@@ -25,8 +26,9 @@ class Layer {
   Layer(const LayerType& type, int step) { reset(type, step); }
   Layer(const Layer& other);
   Layer& operator=(const Layer& other);
-  Layer(Layer&&) noexcept = default;
-  Layer& operator=(Layer&&) noexcept = default;
+  /// A moved-from layer is empty and may be reset.
+  Layer(Layer&& other) noexcept { *this = std::move(other); }
+  Layer& operator=(Layer&& other) noexcept;
 
   /// Takes the shape of `type` at `step`, all cells without data.
   /// @throws Error{kLimit} if the step is not in 0..11 or the layer would exceed kMaxBytes

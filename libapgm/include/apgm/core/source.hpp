@@ -120,8 +120,8 @@ struct Parcel {
 class PatchSink {
  public:
   virtual ~PatchSink() = default;
-  /// True if `put` takes parcels of state kStored as `load_stored` filled them, without `pack`. A sink of
-  /// another format, in memory, or with a lossy encoding says false and is given cells.
+  /// True if `pack` takes parcels of state kStored, as `load_stored` of an .apgm file filled them. A sink
+  /// that keeps cells or another format says false and is given cells only.
   virtual bool takes_stored() const { return false; }
   /// Makes a parcel ready for `put`: canonicalises, drops the vacuous, encodes. Thread-safe.
   /// @throws Error{kInvalidArgument} on masses out of range
