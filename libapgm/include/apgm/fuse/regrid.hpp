@@ -8,9 +8,9 @@ namespace apgm {
 
 /// Where the source's coordinates lie in the target's: p_target = R(yaw) (p_source - pivot) + pivot + shift.
 struct RigidMotion {
-  Point shift_m;
+  Point shift_m{};
   double yaw_rad = 0;
-  Point pivot_m;
+  Point pivot_m{};
 };
 
 /// A source seen on another grid: other edge, datum or yaw, by area weights (docs/theory.md, "Arbitrary ratio

@@ -1,0 +1,142 @@
+#include "fuse/resample_native.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "fuse/belief.hpp"
+#include "fuse/evidence.hpp"
+#include "fuse/resample_loops.hpp"
+
+namespace apgm::fuse {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+/// Calls visit(index in `in`) for the cells under cell `i` of `out`, row by row.
+template <class Visit>
+void visit_cells(const Layer& in, const Layer& out, std::size_t i, Visit&& visit) {
+  const int levels = in.step() - out.step();
+  const std::size_t n = std::size_t{1} << levels;
+  const std::size_t side = static_cast<std::size_t>(out.side());
+  const std::size_t first = (i / side * n) * (side * n) + i % side * n;
+  for (std::size_t b = 0; b < n; ++b) {
+    for (std::size_t a = 0; a < n; ++a) visit(first + b * (side * n) + a);
+  }
+}
+
+/// Median of a set of numbers; of an even number of them, the mean of the two in the middle.
+float median(std::vector<float>& v) {
+  const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
+  std::nth_element(v.begin(), middle, v.end());
+  if (v.size() % 2 == 1) return *middle;
+  return 0.5f * (*std::max_element(v.begin(), middle) + *middle);
+}
+
+struct Pool {
+  double value = 0;
+  std::size_t numbers = 0;
+
+  void add(Policy policy, double v) {
+    switch (policy) {
+      case Policy::kMinimum:
+        value = numbers == 0 ? v : std::min(value, v);
+        break;
+      case Policy::kMaximum:
+        value = numbers == 0 ? v : std::max(value, v);
+        break;
+      default:
+        value += v;
+    }
+    ++numbers;
+  }
+};
+
+}  // namespace
+
+void merge_evidence(const Layer& in, const LayerType& type, Layer& out) {
+  const std::size_t hypotheses = type.hypotheses.size();
+  const float* omega = in.plane(static_cast<int>(hypotheses)).data();
+  std::array<const float*, 16> m{};
+  for (std::size_t k = 0; k < hypotheses; ++k) m[k] = in.plane(static_cast<int>(k)).data();
+  for (std::size_t i = 0; i < out.cells(); ++i) {
+    std::array<double, 16> lambda{};
+    visit_cells(in, out, i, [&](std::size_t cell) {
+      double sum = 0;
+      for (std::size_t k = 0; k < hypotheses; ++k) sum += static_cast<double>(m[k][cell]);
+      if (!(sum > 0)) return;
+      const double share = evidence(sum, static_cast<double>(omega[cell])) / sum;
+      for (std::size_t k = 0; k < hypotheses; ++k) lambda[k] += static_cast<double>(m[k][cell]) * share;
+    });
+    std::array<float, 16> merged{};
+    float left = 1;
+    masses_from_evidence(lambda.data(), hypotheses, merged.data(), left);
+    for (std::size_t k = 0; k < hypotheses; ++k) out.plane(static_cast<int>(k))[i] = merged[k];
+    out.plane(static_cast<int>(hypotheses))[i] = left;
+  }
+}
+
+void split_evidence(const Layer& in, const LayerType& type, int levels, Layer& out) {
+  const int hypotheses = static_cast<int>(type.hypotheses.size());
+  for (std::size_t i = 0; i < in.cells(); ++i) {
+    double sum = 0;
+    for (int k = 0; k < hypotheses; ++k) sum += static_cast<double>(in.plane(k)[i]);
+    double part = sum <= 0.5 ? sum : 1.0 - static_cast<double>(in.plane(hypotheses)[i]);
+    double rest = 1.0 - part;
+    for (int h = 0; h < 2 * levels; ++h) {
+      rest = std::sqrt(rest);
+      part = part / (1.0 + rest);
+    }
+    const double share = sum > 0 ? part / sum : 0.0;
+    for (int k = 0; k < hypotheses; ++k) {
+      out.plane(k)[i] = static_cast<float>(static_cast<double>(in.plane(k)[i]) * share);
+    }
+    out.plane(hypotheses)[i] = sum > 0 ? static_cast<float>(1.0 - part) : in.plane(hypotheses)[i];
+  }
+}
+
+void merge_median(const Layer& in, Layer& out) {
+  const float *o = in.plane(0).data(), *f = in.plane(1).data();
+  std::vector<float> phi;
+  for (std::size_t i = 0; i < out.cells(); ++i) {
+    float merged = 0;
+    phi.clear();
+    visit_cells(in, out, i, [&](std::size_t cell) {
+      merged = loop::either(merged, o[cell]);
+      phi.push_back(loop::conditional_free(o[cell], f[cell]));
+    });
+    out.plane(0)[i] = merged;
+    out.plane(1)[i] = (1.0f - merged) * median(phi);
+  }
+}
+
+void merge_dempster(const Layer& in, Layer& out) {
+  const float *o = in.plane(0).data(), *f = in.plane(1).data();
+  for (std::size_t i = 0; i < out.cells(); ++i) {
+    Occupancy all;
+    visit_cells(in, out, i, [&](std::size_t cell) { all = dempster_data(all, occupancy(o[cell], f[cell])); });
+    out.plane(0)[i] = all.o;
+    out.plane(1)[i] = all.f;
+  }
+}
+
+void merge_pool(const Layer& in, const LayerType& type, Layer& out) {
+  constexpr double kMost = std::numeric_limits<float>::max();
+  for (int c = 0; c < in.channels(); ++c) {
+    const float* values = in.plane(c).data();
+    for (std::size_t i = 0; i < out.cells(); ++i) {
+      Pool pool;
+      visit_cells(in, out, i, [&](std::size_t cell) {
+        if (values[cell] == values[cell]) pool.add(type.policy, static_cast<double>(values[cell]));
+      });
+      if (type.policy == Policy::kMean)
+        pool.value /= static_cast<double>(std::max<std::size_t>(pool.numbers, 1));
+      out.plane(c)[i] =
+          pool.numbers == 0 ? type.background(c) : static_cast<float>(std::clamp(pool.value, -kMost, kMost));
+    }
+  }
+}
+
+}  // namespace apgm::fuse

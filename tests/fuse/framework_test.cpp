@@ -1,0 +1,132 @@
+#include "apgm/fuse/framework.hpp"
+
+#include <gtest/gtest.h>
+
+#include "apgm/core/error.hpp"
+#include "apgm/fuse/resample.hpp"
+#include "layers.hpp"
+
+namespace apgm {
+namespace {
+
+using test::Random;
+
+const LayerType kConditional = LayerType::occupancy();
+const LayerType kExclusive = LayerType::occupancy("occupancy", Policy::kExclusive);
+
+TEST(FusedStep, IsTheFinestPresentOrTheRequired) {
+  EXPECT_EQ(fused_step(std::array{5, 7, 6}, {}), 7);
+  EXPECT_EQ(fused_step(std::array{5, 7, 6}, 6), 6);
+  EXPECT_EQ(fused_step(std::array{5, 4}, 7), 5);
+}
+
+TEST(LayerFuser, ResamplesThenFuses) {
+  Random random(61);
+  const Layer fine = test::random_occupancy(4, random), coarse = test::random_exclusive(2, random);
+  LayerFuser fuser;
+  for (const std::optional<int> required :
+       {std::optional<int>{}, std::optional<int>{3}, std::optional<int>{1}}) {
+    const int step = std::min(required.value_or(4), 4);
+    Layer a, b, want, got;
+    resample(fine, kConditional, step, a);
+    resample(coarse, kExclusive, step, b);
+    combine(std::array<const Layer*, 2>{&a, &b}, kConditional, Rule::kDempster, want);
+    const std::array<FuseInput, 2> inputs{{{&fine, &kConditional, 1.0f}, {&coarse, &kExclusive, 1.0f}}};
+    std::vector<float> conflict;
+    fuser.fuse(inputs, required, Rule::kDempster, got, &conflict);
+    EXPECT_TRUE(same_cells(want, got));
+    EXPECT_EQ(conflict.size(), got.cells());
+  }
+}
+
+TEST(LayerFuser, LoneLayerIsBroughtToTheRequiredStep) {
+  Random random(62);
+  const Layer in = test::random_occupancy(4, random);
+  Layer want, got;
+  resample(in, kConditional, 2, want);
+  LayerFuser().fuse(std::array<FuseInput, 1>{{{&in, &kConditional, 1.0f}}}, 2, Rule::kDempster, got);
+  EXPECT_TRUE(same_cells(want, got));
+}
+
+TEST(LayerFuser, DiscountsAnInput) {
+  const Layer a = test::occupancy_of(0, {{0.8f, 0.0f}}), b = test::occupancy_of(0, {{0.0f, 0.6f}});
+  Layer trusted = b, want, got;
+  discount(trusted, kConditional, 0.5f);
+  combine(std::array<const Layer*, 2>{&a, &trusted}, kConditional, Rule::kDempster, want);
+  LayerFuser().fuse(std::array<FuseInput, 2>{{{&a, &kConditional, 1.0f}, {&b, &kConditional, 0.5f}}}, {},
+                    Rule::kDempster, got);
+  EXPECT_TRUE(same_cells(want, got));
+}
+
+TEST(FusedTypes, JoinsByName) {
+  const TypeTable a({kExclusive, LayerType::real("height", {"z"}, Policy::kMaximum)});
+  const TypeTable b({kExclusive, LayerType::semantic("surface", {"Road", "Grass"})});
+  const TypeTable joined = fused_types(std::array{&a, &b});
+  ASSERT_EQ(joined.size(), 3u);
+  EXPECT_EQ(joined[*joined.find("occupancy")].policy, Policy::kConditional);
+  EXPECT_EQ(fused_types(std::array{&a}), a);
+  const TypeTable c({kConditional});
+  EXPECT_EQ(fused_types(std::array{&a, &c})[1].policy, Policy::kConditional);
+  EXPECT_EQ(fused_types(std::array{&a, &c}), fused_types(std::array{&c, &a}));
+}
+
+TEST(FusedTypes, RefusesWhatDoesNotFit) {
+  const TypeTable a({kConditional});
+  LayerType slab = kConditional;
+  slab.slab = Slab{0, 1'000'000};
+  for (const LayerType& other :
+       {LayerType::semantic("occupancy", {"O", "F"}), slab, LayerType::real("occupancy", {"O", "F"}),
+        LayerType::occupancy("occupancy", Policy::kMin)}) {
+    const TypeTable b({other});
+    try {
+      fused_types(std::array{&a, &b});
+      ADD_FAILURE() << "joined";
+    } catch (const Error& e) {
+      EXPECT_EQ(e.code(), ErrorCode::kIncompatible);
+    }
+  }
+}
+
+Map random_map(Random& random, int step) {
+  Map map(MapHeader{.frame = {}, .types = TypeTable({kConditional}), .metadata = {}, .history = {}});
+  for (int i = 0; i < 6; ++i) {
+    const PatchIndex index{static_cast<std::int32_t>(random() % 3) - 1,
+                           static_cast<std::int32_t>(random() % 3)};
+    map.layer(index, 0, step) = test::random_occupancy(step, random);
+  }
+  return map;
+}
+
+TEST(FuseMaps, DoesNotDependOnTheOrder) {
+  Random random(63);
+  const Map a = random_map(random, 4), b = random_map(random, 3), c = random_map(random, 4);
+  const Map x = fuse_maps(std::array{&a, &b, &c}), y = fuse_maps(std::array{&c, &a, &b});
+  ASSERT_EQ(x.size(), y.size());
+  for (const auto& [key, patch] : x.by_key()) {
+    const Layer* other = y.find(patch.index, 0);
+    ASSERT_NE(other, nullptr);
+    EXPECT_TRUE(same_cells(patch.layers.at(0), *other));
+  }
+}
+
+TEST(FuseMaps, EmptyMapIsNeutral) {
+  Random random(64);
+  const Map a = random_map(random, 4);
+  const Map none(a.header());
+  const Map out = fuse_maps(std::array{&none, &a});
+  ASSERT_EQ(out.size(), a.size());
+  for (const auto& [key, patch] : a.by_key()) {
+    EXPECT_TRUE(same_cells(patch.layers.at(0), *out.find(patch.index, 0)));
+  }
+}
+
+TEST(FuseMaps, RefusesOtherFrames) {
+  MapHeader header;
+  const Map a(header);
+  header.frame.datum_x_um = 1;
+  const Map b(header);
+  EXPECT_THROW(fuse_maps(std::array{&a, &b}), Error);
+}
+
+}  // namespace
+}  // namespace apgm
