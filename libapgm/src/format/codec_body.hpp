@@ -17,8 +17,9 @@ inline constexpr std::size_t kMaxChannels = 16;
 
 template <typename T>
 void append_value(std::vector<std::byte>& out, T value) {
-  const Bytes bytes = bytes_of(value);
-  out.insert(out.end(), bytes.begin(), bytes.end());
+  const std::size_t at = out.size();
+  out.resize(at + sizeof(T));
+  std::memcpy(out.data() + at, &value, sizeof(T));
 }
 
 /// Takes values off the front of a body; running out is damage.

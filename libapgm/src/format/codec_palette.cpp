@@ -46,7 +46,7 @@ bool find_tuples(const Layer& layer, Scratch& s) {
       // Mostly new tuples: no palette will pay.
       if (distinct == kMaxPalette || (distinct >= 512 && distinct * 2 > fresh)) return false;
       s.slots[slot] = static_cast<std::uint16_t>(distinct++);
-      s.tuples.insert(s.tuples.end(), tuple.begin(), tuple.begin() + static_cast<std::ptrdiff_t>(channels));
+      for (std::size_t c = 0; c < channels; ++c) s.tuples.push_back(tuple[c]);
     }
     s.indices[i] = s.slots[slot];
   }
@@ -67,7 +67,7 @@ void sort_tuples(std::size_t channels, Scratch& s) {
   for (std::size_t i = 0; i < n; ++i) {
     rank[order[i]] = static_cast<std::uint16_t>(i);
     const auto t = tuple(order[i]);
-    sorted.insert(sorted.end(), t.begin(), t.end());
+    for (const std::uint32_t value : t) sorted.push_back(value);
   }
   s.tuples.swap(sorted);
   for (auto& i : s.indices) i = rank[i];

@@ -40,6 +40,7 @@ class Writer final : public PatchSink {
   Writer(const std::string& path, const MapHeader& header, const WriterOptions& options = {});
   ~Writer() override;
 
+  bool takes_stored() const override { return true; }
   void pack(Parcel& parcel) const override;
   void put(PatchIndex index, std::span<Parcel> parcels) override;
   void finish() override;

@@ -1,0 +1,244 @@
+#include "pipeline.hpp"
+
+#include <oneapi/tbb/global_control.h>
+#include <oneapi/tbb/parallel_pipeline.h>
+#include <oneapi/tbb/task_arena.h>
+
+#include <algorithm>
+#include <mutex>
+#include <utility>
+
+namespace apgm::ops {
+namespace {
+
+/// Enough that threads do not wait while the consumer is at a slow patch.
+constexpr std::size_t kTokensPerThread = 4;
+/// What a layer in flight costs beside its values: structs, block headers, rounding of allocations.
+constexpr std::uint64_t kLayerOverhead = 1024;
+/// Codecs hold this many copies of the layer at hand, at most.
+constexpr std::uint64_t kCodecBuffers = 3;
+
+void clear(Job& job) {
+  job.source_patches = 1;
+  job.parcels.clear();
+  job.layers_stored = 0;
+  job.findings.clear();
+  job.error = nullptr;
+}
+
+/// Drives the stages of one stream; each member is called by one thread at a time, save `work`.
+class Runner {
+ public:
+  Runner(Stream& stream, const StreamSize& size, const RunOptions& run)
+      : stream_(stream), total_(size.patches), run_(run) {}
+
+  /// Failures travel with the job, so that an earlier patch's own failure comes first.
+  bool produce(Job& job) {
+    if (ended_) return false;
+    clear(job);
+    try {
+      if (run_.cancel != nullptr && run_.cancel->load(std::memory_order_relaxed)) {
+        throw Error(ErrorCode::kCancelled, "cancelled");
+      }
+      ended_ = !stream_.produce(job);
+      return !ended_;
+    } catch (...) {
+      job.error = std::current_exception();
+      ended_ = true;
+      return true;
+    }
+  }
+
+  void work(Job& job) const {
+    if (job.error) return;
+    try {
+      stream_.work(job);
+    } catch (...) {
+      job.error = std::current_exception();
+    }
+  }
+
+  void consume(Job& job) {
+    if (run_.findings) {
+      for (const Finding& finding : job.findings) run_.findings(finding);
+    }
+    if (job.error) std::rethrow_exception(job.error);
+    stream_.consume(job);
+    done_ += job.source_patches;
+    if (run_.progress) run_.progress(done_, total_);
+  }
+
+ private:
+  Stream& stream_;
+  std::uint64_t total_;
+  const RunOptions& run_;
+  std::uint64_t done_ = 0;
+  bool ended_ = false;
+};
+
+/// Jobs at rest. Producer and consumer may run at the same time.
+class JobPool {
+ public:
+  explicit JobPool(const Stream& stream) : stream_(stream) {}
+
+  Job* take() {
+    const std::scoped_lock lock(mutex_);
+    if (free_.empty()) {
+      jobs_.push_back(stream_.make_job());
+      free_.reserve(jobs_.size());
+      return jobs_.back().get();
+    }
+    Job* job = free_.back();
+    free_.pop_back();
+    return job;
+  }
+  void give(Job* job) {
+    const std::scoped_lock lock(mutex_);
+    free_.push_back(job);
+  }
+  std::size_t made() const { return jobs_.size(); }
+
+ private:
+  const Stream& stream_;
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<Job>> jobs_;
+  std::vector<Job*> free_;
+};
+
+std::size_t run_serial(Stream& stream, Runner& runner) {
+  const std::unique_ptr<Job> job = stream.make_job();
+  while (runner.produce(*job)) {
+    runner.work(*job);
+    runner.consume(*job);
+  }
+  return 1;
+}
+
+std::size_t run_parallel(Stream& stream, Runner& runner, std::size_t threads, std::size_t tokens) {
+  namespace tbb = oneapi::tbb;
+  JobPool pool(stream);
+  const auto produce = [&](tbb::flow_control& flow) -> Job* {
+    Job* job = pool.take();
+    if (runner.produce(*job)) return job;
+    pool.give(job);
+    flow.stop();
+    return nullptr;
+  };
+  const auto work = [&](Job* job) {
+    runner.work(*job);
+    return job;
+  };
+  const auto consume = [&](Job* job) {
+    runner.consume(*job);
+    pool.give(job);
+  };
+  tbb::task_arena arena(static_cast<int>(threads));
+  arena.execute([&] {
+    tbb::parallel_pipeline(tokens,
+                           tbb::make_filter<void, Job*>(tbb::filter_mode::serial_in_order, produce) &
+                               tbb::make_filter<Job*, Job*>(tbb::filter_mode::parallel, work) &
+                               tbb::make_filter<Job*, void>(tbb::filter_mode::serial_in_order, consume));
+  });
+  return pool.made();
+}
+
+std::size_t thread_count(const RunOptions& run) {
+  if (run.threads < 0) throw Error(ErrorCode::kInvalidArgument, "the number of threads is negative");
+  // TBB says on stderr when it is asked for more than it may start.
+  using Control = oneapi::tbb::global_control;
+  const std::size_t most = Control::active_value(Control::max_allowed_parallelism);
+  return run.threads == 0 ? most : std::min(static_cast<std::size_t>(run.threads), most);
+}
+
+}  // namespace
+
+Parcel& ParcelList::add(PatchIndex patch, TypeId type, std::int64_t stamp_ns) {
+  if (count_ == parcels_.size()) parcels_.emplace_back();
+  Parcel& parcel = parcels_[count_++];
+  parcel.patch = patch;
+  parcel.type = type;
+  parcel.stamp_ns = stamp_ns;
+  parcel.state = Parcel::State::kNothing;
+  return parcel;
+}
+
+std::size_t token_limit(std::uint64_t job_bytes, std::size_t threads, const RunOptions& run) {
+  const std::size_t wanted = threads == 1 ? 1 : threads * kTokensPerThread;
+  if (run.max_memory_bytes == 0) return wanted;
+  const std::uint64_t fit = run.max_memory_bytes / std::max<std::uint64_t>(job_bytes, 1);
+  if (fit == 0) {
+    const std::uint64_t mebibytes = (job_bytes >> 20) + 1;
+    throw Error(ErrorCode::kLimit, "the memory budget does not hold one patch at work")
+        .hint("allow at least " + std::to_string(mebibytes) + " MiB");
+  }
+  return static_cast<std::size_t>(std::min<std::uint64_t>(wanted, fit));
+}
+
+std::size_t run_stream(Stream& stream, const StreamSize& size, const RunOptions& run) {
+  const std::size_t threads = thread_count(run);
+  const std::size_t tokens = token_limit(size.job_bytes, threads, run);
+  Runner runner(stream, size, run);
+  return tokens == 1 ? run_serial(stream, runner)
+                     : run_parallel(stream, runner, std::min(threads, tokens), tokens);
+}
+
+std::vector<std::uint64_t> largest_layers(const PatchSource& source) {
+  const Summary summary = source.summary();
+  const TypeTable& types = source.header().types;
+  std::vector<std::uint64_t> bytes(types.size());
+  for (std::size_t t = 0; t < std::min(types.size(), summary.types.size()); ++t) {
+    for (int step = kMaxStep; step >= 0 && bytes[t] == 0; --step) {
+      if (summary.types[t].layers_at[static_cast<std::size_t>(step)] == 0) continue;
+      const std::uint64_t cells = std::uint64_t{1} << (2 * step);
+      bytes[t] = cells * sizeof(float) * types[static_cast<TypeId>(t)].channels.size();
+    }
+  }
+  return bytes;
+}
+
+std::uint64_t job_bytes(std::span<const std::uint64_t> largest, std::uint64_t buffers) {
+  std::uint64_t sum = 0, most = 0;
+  for (const std::uint64_t bytes : largest) {
+    if (bytes == 0) continue;
+    sum += bytes + kLayerOverhead;
+    most = std::max(most, bytes);
+  }
+  return sum + (buffers + kCodecBuffers) * most + kLayerOverhead;
+}
+
+void pass_layer(const PatchSource& source, const LayerInfo& info, TypeId type, const PatchSink& sink,
+                bool as_stored, Job& job) {
+  if (as_stored) {
+    Parcel& parcel = job.parcels.add(job.patch, type, info.stamp_ns);
+    bool stored = false;
+    try {
+      stored = source.load_stored(info, parcel.stored);
+    } catch (...) {
+      job.parcels.drop_last();  // a salvage goes on with the other layers
+      throw;
+    }
+    if (stored) {
+      parcel.state = Parcel::State::kStored;
+      sink.pack(parcel);
+      if (parcel.state == Parcel::State::kNothing) job.parcels.drop_last();
+      job.layers_stored += parcel.state == Parcel::State::kStored;
+      return;
+    }
+    job.parcels.drop_last();
+  }
+  source.load(info, job.scratch);
+  pack_scratch(type, info.stamp_ns, sink, job);
+}
+
+void pack_scratch(TypeId type, std::int64_t stamp_ns, const PatchSink& sink, Job& job) {
+  Parcel& parcel = job.parcels.add(job.patch, type, stamp_ns);
+  parcel.state = Parcel::State::kCells;
+  job.scratch.stamp_ns = stamp_ns;
+  std::swap(parcel.cells, job.scratch);
+  sink.pack(parcel);
+  // A sink that encodes leaves the buffer for the next layer; one that keeps cells needs it until `put`.
+  if (parcel.state != Parcel::State::kCells) std::swap(parcel.cells, job.scratch);
+  if (parcel.state == Parcel::State::kNothing) job.parcels.drop_last();
+}
+
+}  // namespace apgm::ops
