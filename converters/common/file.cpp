@@ -1,0 +1,49 @@
+#include "converters/common/file.hpp"
+
+#include <cctype>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <system_error>
+
+#include "apgm/core/error.hpp"
+
+namespace apgm::converters {
+namespace {
+
+[[noreturn]] void fail(const std::string& path, const std::string& why, const char* hint = "") {
+  throw Error(ErrorCode::kUnreadable, "cannot read '" + path + "': " + why).hint(hint).at(path);
+}
+
+}  // namespace
+
+std::string read_file(const std::string& path, std::uint64_t max_bytes) {
+  namespace fs = std::filesystem;
+  if (path == "-") fail(path, "this format is not read from standard input", "pass a file");
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (!fs::exists(status)) fail(path, "no such file");
+  if (!fs::is_regular_file(status)) fail(path, "not a regular file");
+  const std::uintmax_t size = fs::file_size(path, error);
+  if (error) fail(path, error.message());
+  if (size > max_bytes) {
+    throw Error(ErrorCode::kLimit, "'" + path + "' has " + std::to_string(size) + " bytes, more than the " +
+                                       std::to_string(max_bytes) + " this format is read with")
+        .at(path);
+  }
+  std::ifstream in(path, std::ios::binary);
+  if (!in) fail(path, std::strerror(errno));
+  std::string bytes(static_cast<std::size_t>(size), '\0');
+  in.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  if (static_cast<std::uintmax_t>(in.gcount()) != size) fail(path, "it ended while it was read");
+  return bytes;
+}
+
+std::string extension_of(const std::string& path) {
+  std::string extension = std::filesystem::path(path).extension().string();
+  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return extension;
+}
+
+}  // namespace apgm::converters

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "apgm/core/error.hpp"
+
+namespace apgm::converters {
+
+/// A whole file as bytes.
+/// @param max_bytes  larger files are refused before memory is taken
+/// @throws Error{kUnreadable} if it cannot be read or is no regular file, {kLimit} if it is too large
+std::string read_file(const std::string& path, std::uint64_t max_bytes);
+
+/// The extension in lower case with its dot: ".bt"; empty if there is none.
+std::string extension_of(const std::string& path);
+
+/// Calls `action`; an Error that leaves it names the file.
+template <class Action>
+auto naming(const std::string& path, Action action) {
+  try {
+    return action();
+  } catch (Error& error) {
+    error.at(path);
+    throw;
+  }
+}
+
+}  // namespace apgm::converters

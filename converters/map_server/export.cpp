@@ -1,0 +1,252 @@
+#include "converters/map_server/export.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+
+#include "converters/common/choose.hpp"
+#include "converters/common/file.hpp"
+#include "converters/map_server/import.hpp"
+#include "converters/map_server/picture_source.hpp"
+#include "converters/map_server/png.hpp"
+
+namespace apgm::converters {
+namespace {
+
+/// Cells of the finest step, counted from the datum: [x0, x1) x [y0, y1).
+struct CellBox {
+  std::int64_t x0 = std::numeric_limits<std::int64_t>::max(), y0 = x0;
+  std::int64_t x1 = std::numeric_limits<std::int64_t>::min(), y1 = x1;
+
+  bool empty() const { return x1 <= x0; }
+  void add(const CellBox& o) {
+    x0 = std::min(x0, o.x0), y0 = std::min(y0, o.y0);
+    x1 = std::max(x1, o.x1), y1 = std::max(y1, o.y1);
+  }
+  bool holds(const CellBox& o) const {
+    return o.empty() || (x0 <= o.x0 && y0 <= o.y0 && o.x1 <= x1 && o.y1 <= y1);
+  }
+};
+
+std::optional<double> stored_number(const MapHeader& header, const std::string& key) {
+  const auto it = header.metadata.find("map_server." + key);
+  return it == header.metadata.end() ? std::nullopt : parse_number(it->second);
+}
+
+/// The rule of the import, where the map still tells it, under the settings.
+CellRule rule_of(const MapHeader& header, const SettingsReader& settings) {
+  CellRule rule;
+  const auto stored = header.metadata.find("map_server.mode");
+  std::optional<MapMode> imported;
+  if (stored != header.metadata.end()) imported = map_mode_from(stored->second);
+  rule.mode = imported.value_or(MapMode::kTrinary);
+  if (const auto mode = settings.choice("mode", kMapModes)) rule.mode = *map_mode_from(*mode);
+  if (rule.mode == MapMode::kScale) {
+    rule.occupied_thresh = 1;
+    rule.free_thresh = 0;
+  }
+  if (imported == rule.mode) {
+    rule.negate = stored_number(header, "negate").value_or(0) != 0;
+    rule.occupied_thresh = stored_number(header, "occupied_thresh").value_or(rule.occupied_thresh);
+    rule.free_thresh = stored_number(header, "free_thresh").value_or(rule.free_thresh);
+  }
+  rule.negate = settings.flag("negate").value_or(rule.negate);
+  rule.occupied_thresh = settings.number("occupied_thresh", 0, 1).value_or(rule.occupied_thresh);
+  rule.free_thresh = settings.number("free_thresh", 0, 1).value_or(rule.free_thresh);
+  return rule;
+}
+
+/// Takes beliefs to the values of a picture and counts those a reader will not get back.
+class Valuer {
+ public:
+  Valuer(const MapHeader& header, const CellRule& rule) : rule_(rule) {
+    occupied_ = {static_cast<float>(stored_number(header, "occupied_mass").value_or(kTrinaryMass)), 0};
+    free_ = {0, static_cast<float>(stored_number(header, "free_mass").value_or(kTrinaryMass))};
+  }
+
+  GridValue operator()(Masses masses) {
+    if (rule_.mode != MapMode::kTrinary) {
+      const auto value = static_cast<GridValue>(std::rint(pignistic(masses) * 100));
+      graded += masses != masses_from_probability(value / 100.0);
+      return value;
+    }
+    if (masses == occupied_) return kOccupied;
+    if (masses == free_) return kFree;
+    ++graded;
+    const double p = pignistic(masses);
+    return p > rule_.occupied_thresh ? kOccupied : p < rule_.free_thresh ? kFree : kUnknown;
+  }
+
+  std::uint64_t graded = 0;
+
+ private:
+  CellRule rule_;
+  Masses occupied_, free_;
+};
+
+/// Calls visit(CellBox, Masses) for each known cell of a type; the box counts cells of `step`.
+template <class Visit>
+void visit_cells(const PatchSource& source, TypeId type, int step, const RunOptions& run, Visit visit) {
+  const auto cursor = source.patches();
+  PatchInfo patch;
+  Layer layer;
+  while (cursor->next(patch)) {
+    check_cancelled(run);
+    for (const LayerInfo& info : patch.layers) {
+      if (info.type != type) continue;
+      source.load(info, layer);
+      const std::int64_t size = std::int64_t{1} << (step - layer.step());
+      const std::int64_t x = std::int64_t{patch.patch.x} << step, y = std::int64_t{patch.patch.y} << step;
+      const auto occupied = layer.plane(0), free = layer.plane(1);
+      for (std::int64_t b = 0, i = 0; b < layer.side(); ++b) {
+        for (std::int64_t a = 0; a < layer.side(); ++a, ++i) {
+          const Masses masses{occupied[static_cast<std::size_t>(i)], free[static_cast<std::size_t>(i)]};
+          if (masses == Masses{}) continue;
+          visit(CellBox{x + a * size, y + b * size, x + (a + 1) * size, y + (b + 1) * size}, masses);
+        }
+      }
+    }
+  }
+}
+
+/// The picture's size at the import, in cells of `step`, if the map is still on its grid and was not cut or
+/// joined.
+std::optional<CellBox> imported_extent(const MapHeader& header, int step) {
+  const auto text = header.metadata.find("map_server.origin");
+  const auto width = stored_number(header, "width"), height = stored_number(header, "height");
+  const auto resolution = stored_number(header, "resolution");
+  const bool changed =
+      std::ranges::any_of(header.history, [](const auto& h) { return h.operation != "convert"; });
+  if (text == header.metadata.end() || !width || !height || !resolution || changed) return {};
+  const std::size_t comma = std::min(text->second.find(','), text->second.size());
+  const auto x = parse_number(std::string_view(text->second).substr(0, comma));
+  const auto y = comma < text->second.size() ? parse_number(std::string_view(text->second).substr(comma + 1))
+                                             : std::nullopt;
+  const auto sane = [](double size) { return size >= 1 && size <= 2147483647.0 && size == std::floor(size); };
+  if (!x || !y || std::fabs(*x) > 1e9 || std::fabs(*y) > 1e9 || !sane(*width) || !sane(*height)) return {};
+  const Frame& frame = header.frame;
+  if (std::fabs(std::ldexp(*resolution, step) * 1e6 - static_cast<double>(frame.edge_um)) > 0.501) return {};
+  const __int128 dx = static_cast<__int128>(to_micrometres(*x) - frame.datum_x_um) << step;
+  const __int128 dy = static_cast<__int128>(to_micrometres(*y) - frame.datum_y_um) << step;
+  if (dx % frame.edge_um != 0 || dy % frame.edge_um != 0) return {};
+  const auto x0 = static_cast<std::int64_t>(dx / frame.edge_um),
+             y0 = static_cast<std::int64_t>(dy / frame.edge_um);
+  return CellBox{x0, y0, x0 + static_cast<std::int64_t>(*width), y0 + static_cast<std::int64_t>(*height)};
+}
+
+CellBox extent_of(const PatchSource& source, std::optional<TypeId> type, int step, const RunOptions& run) {
+  CellBox known;
+  if (type) visit_cells(source, *type, step, run, [&](const CellBox& cell, Masses) { known.add(cell); });
+  const auto imported = imported_extent(source.header(), step);
+  if (imported && imported->holds(known)) return *imported;
+  if (!known.empty()) return known;
+  if (run.findings)
+    run.findings({Finding::Kind::kWarning, "the map has no known cells: the picture is one pixel"});
+  return {0, 0, 1, 1};
+}
+
+CellRaster paint(const PatchSource& source, std::optional<TypeId> type, int step, const CellBox& extent,
+                 Valuer& valuer, const RunOptions& run) {
+  const std::int64_t width = extent.x1 - extent.x0, height = extent.y1 - extent.y0;
+  check_pixels(width, height);
+  CellRaster raster{width, height,
+                    std::vector<GridValue>(static_cast<std::size_t>(width * height), kUnknown)};
+  if (!type) return raster;
+  visit_cells(source, *type, step, run, [&](const CellBox& cell, Masses masses) {
+    const GridValue value = valuer(masses);
+    for (std::int64_t y = cell.y0; y < cell.y1; ++y) {
+      const auto row = raster.values.begin() + (height - 1 - (y - extent.y0)) * width - extent.x0;
+      std::fill(row + cell.x0, row + cell.x1, value);
+    }
+  });
+  return raster;
+}
+
+void write_pgm(OutputFile& file, const CellRaster& raster, const GreyTable& greys) {
+  file.write("P5\n" + std::to_string(raster.width) + " " + std::to_string(raster.height) + "\n255\n");
+  std::vector<std::byte> row(static_cast<std::size_t>(raster.width));
+  for (std::int64_t y = 0; y < raster.height; ++y) {
+    const auto from = raster.values.begin() + y * raster.width;
+    std::transform(from, from + raster.width, row.begin(),
+                   [&](GridValue v) { return std::byte{greys.of(v)}; });
+    file.write(row);
+  }
+}
+
+void write_raster_png(OutputFile& file, const CellRaster& raster, const GreyTable& greys, bool alpha) {
+  write_png(file, raster.width, raster.height, alpha, [&](std::int64_t y, std::span<std::uint8_t> row) {
+    auto value = raster.values.begin() + y * raster.width;
+    for (std::size_t i = 0; i < row.size(); ++value) {
+      row[i++] = greys.of(*value);
+      if (alpha) row[i++] = *value == kUnknown ? 0 : 255;
+    }
+  });
+}
+
+void report(const Valuer& valuer, const CellRule& rule, const Findings& findings) {
+  if (valuer.graded == 0 || !findings) return;
+  findings({Finding::Kind::kLoss, std::to_string(valuer.graded) +
+                                      (rule.mode == MapMode::kTrinary
+                                           ? " cells keep only whether they are occupied, free or unknown"
+                                           : " cells keep BetP(O) in percent only")});
+}
+
+MapYaml yaml_of(const Frame& frame, int step, const CellBox& extent, const CellRule& rule) {
+  const double scale = 1e6 * (1 << step);
+  const auto metres = [&](std::int64_t datum_um, std::int64_t cell) {
+    return static_cast<double>((static_cast<__int128>(datum_um) << step) +
+                               static_cast<__int128>(cell) * frame.edge_um) /
+           scale;
+  };
+  MapYaml map;
+  map.resolution_m = static_cast<double>(frame.edge_um) / scale;
+  map.x_m = metres(frame.datum_x_um, extent.x0);
+  map.y_m = metres(frame.datum_y_um, extent.y0);
+  map.rule = rule;
+  return map;
+}
+
+}  // namespace
+
+void export_map(const PatchSource& source, const WriteRequest& request, const SettingsReader& settings) {
+  static constexpr std::array<std::string_view, 2> kImages{"pgm", "png"};
+  namespace fs = std::filesystem;
+  const std::string extension = extension_of(request.path);
+  if (extension != ".yaml" && extension != ".yml") {
+    throw Error(ErrorCode::kInvalidArgument, "'" + request.path + "' does not end in .yaml or .yml")
+        .hint("a map is FILE.yaml with FILE.pgm or FILE.png beside it");
+  }
+  const CellRule rule = rule_of(source.header(), settings);
+  const bool alpha = rule.mode == MapMode::kScale;
+  const std::string image = settings.choice("image", kImages).value_or(alpha ? "png" : "pgm");
+  if (alpha && image == "pgm")
+    settings.refuse("image", "cannot hold unknown cells in mode scale, which PNG can");
+  const GreyTable greys = grey_table(rule);
+
+  const auto type = choose_occupancy(source, request.layer);
+  const std::vector<TypeId> chosen = type ? std::vector<TypeId>{*type} : std::vector<TypeId>{};
+  const int step = finest_step(source.summary(), chosen);
+  const fs::path picture_path = fs::path(request.path).replace_extension(image);
+  OutputFile picture(picture_path.string(), request.output);
+  OutputFile yaml(request.path, request.output);
+
+  const CellBox extent = extent_of(source, type, step, request.run);
+  Valuer valuer(source.header(), rule);
+  const CellRaster raster = paint(source, type, step, extent, valuer, request.run);
+  if (image == "png") {
+    write_raster_png(picture, raster, greys, alpha);
+  } else {
+    write_pgm(picture, raster, greys);
+  }
+  MapYaml map = yaml_of(source.header().frame, step, extent, rule);
+  map.image = picture_path.filename().string();
+  yaml.write(to_text(map));
+  report(valuer, rule, request.run.findings);
+  report_left_out(source, chosen, request.run.findings);
+  // The YAML last: a map that can be found is whole.
+  picture.commit();
+  yaml.commit();
+}
+
+}  // namespace apgm::converters

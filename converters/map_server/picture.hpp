@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace apgm::converters {
+
+/// A pixel in 16 bits a channel, whatever the picture stores.
+struct Pixel {
+  std::uint16_t red = 0;
+  std::uint16_t green = 0;
+  std::uint16_t blue = 0;
+  std::uint16_t alpha = 65535;  ///< 65535: opaque
+};
+
+struct PictureInfo {
+  std::int64_t width = 0;
+  std::int64_t height = 0;
+  bool has_alpha = false;
+};
+
+/// Where a picture goes: its size once, then its rows from the top.
+struct PictureSink {
+  std::function<void(const PictureInfo&)> begin;
+  std::function<void(std::span<const Pixel>)> row;
+};
+
+/// Most pixels of a picture that is read or written: 2^31.
+inline constexpr std::int64_t kMaxPixels = std::int64_t{1} << 31;
+/// @throws Error{kLimit} above kMaxPixels
+void check_pixels(std::int64_t width, std::int64_t height);
+
+/// PGM (P2, P5; 1 to 65535 grey values) and PNG (any). The size is checked against the bytes before `begin`.
+/// @throws Error{kUnreadable|kForeign|kUnsupported|kDamaged|kLimit}
+void read_picture(const std::string& path, const PictureSink& sink);
+
+void read_pnm(std::string_view bytes, const PictureSink& sink);
+void read_png(std::string_view bytes, const PictureSink& sink);
+
+}  // namespace apgm::converters

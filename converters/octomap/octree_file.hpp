@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+namespace octomap {
+class OcTree;
+}
+
+namespace apgm::converters {
+
+/// Levels of an octree below its root; keys have as many bits.
+inline constexpr int kTreeDepth = 16;
+/// Key of the voxel whose lower corner is the tree's origin.
+inline constexpr int kOriginKey = 1 << (kTreeDepth - 1);
+
+/// The text in front of an octree's nodes.
+struct OctreeHeader {
+  bool binary = false;  ///< .bt: free or occupied; else .ot: log odds
+  std::uint64_t nodes = 0;
+  double resolution_m = 0;
+  std::size_t data_at = 0;  ///< byte where the nodes start
+};
+
+/// True if a file that starts with `head` is an octree of either kind.
+bool is_octree(std::string_view head);
+
+/// @throws Error{kForeign} if it is no octree, {kUnsupported} if not of type OcTree, {kDamaged} if a field is
+///         missing or out of range
+OctreeHeader parse_octree_header(std::string_view bytes);
+
+/// Walks the nodes without building anything: 16 levels at most, ends with the bytes, as many as the header
+/// says, no inner node without children, no NaN. OctoMap's own reader checks none of this.
+/// @throws Error{kDamaged} with the byte
+void check_octree_nodes(std::string_view bytes, const OctreeHeader& header);
+
+/// Reads and checks a whole file, then has OctoMap build the tree.
+/// @throws Error{kUnreadable|kForeign|kUnsupported|kDamaged}
+std::unique_ptr<::octomap::OcTree> read_octree(const std::string& path);
+
+/// The file of a tree, with the resolution in as many digits as it needs.
+std::string octree_bytes(const ::octomap::OcTree& tree, bool binary);
+
+}  // namespace apgm::converters
