@@ -7,8 +7,8 @@ function(apgm_compile_options target)
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wshadow -Wconversion -Wno-sign-conversion
                          -Wnon-virtual-dtor -Woverloaded-virtual -ffp-contract=off -fno-trapping-math -fno-math-errno)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    # g++ 12 finds overflows in std::vector and std::span copies that are not there.
-    target_compile_options(${target} PRIVATE -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread)
+    # g++ 12 finds overflows in copies of std::vector and std::string that are not there.
+    target_compile_options(${target} PRIVATE -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread -Wno-restrict)
   endif()
   if(APGM_WERROR)
     target_compile_options(${target} PRIVATE -Werror)

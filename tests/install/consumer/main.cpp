@@ -14,6 +14,7 @@ int main(int argc, char** argv) {
   map.layer({0, 0}, 0, 7).at(0, {3, 4}) = 0.75f;
   apgm::Writer writer(argv[1], header);
   apgm::copy(map, header.types, writer, false);
+  writer.finish();
   const apgm::Reader reader(argv[1]);
   std::puts(reader.content_id().c_str());
   return reader.content_id() == writer.report().content_id && reader.summary().patches == 1 ? 0 : 1;

@@ -12,6 +12,7 @@ struct CopyReport {
 };
 
 /// Streams a source into a sink whose types are `sink_types` (a superset by name), all layers or those named.
+/// Types that `sink_types` lacks are left out. The caller calls PatchSink::finish.
 /// @param reencode  decode and encode every layer, also where stored bytes could be passed on
 CopyReport copy(const PatchSource& source, const TypeTable& sink_types, PatchSink& sink, bool reencode,
                 const RunOptions& run = {});

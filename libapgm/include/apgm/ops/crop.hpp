@@ -42,7 +42,8 @@ struct CropOptions {
 MapHeader crop_header(const PatchSource& source, const CropRegion& region, const CropOptions& options);
 
 /// Streams the part of `source` inside `region` to `sink`; patches wholly inside pass as stored.
-/// An empty result is valid. Reads nothing of the source outside the region but index pages that meet it.
+/// An empty result is valid. The caller calls PatchSink::finish. Reads nothing of the source outside the
+/// region but index pages that meet it.
 CropReport crop(const PatchSource& source, const CropRegion& region, const CropOptions& options,
                 PatchSink& sink, const RunOptions& run = {});
 
