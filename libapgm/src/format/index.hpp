@@ -8,8 +8,10 @@
 
 namespace apgm::format {
 
-/// Entries of one page, and of all pages under one root.
+/// Entries of one page: as many as a file may hold, and as many as are written. Small pages keep a crop of a
+/// large map fast (a page is read whole), the root of a map of a million layers still fits 64 KiB.
 inline constexpr std::size_t kPageEntries = 4096;
+inline constexpr std::size_t kPageEntriesWritten = 1024;
 inline constexpr std::uint64_t kMaxPages = std::uint64_t{1} << 20;
 inline constexpr std::uint64_t kMaxRootBytes = std::uint64_t{128} << 20;
 

@@ -42,7 +42,7 @@ struct Writer::State {
   void flush_page() {
     if (page.empty()) return;
     pages.push_back(append_page(block, file.size(), page));
-    if (pages.size() > kMaxPages) throw Error(ErrorCode::kLimit, "a file holds at most 2^32 layers");
+    if (pages.size() > kMaxPages) throw Error(ErrorCode::kLimit, "a file holds at most 2^30 layers");
     write_block();
     page.clear();
   }
@@ -68,7 +68,7 @@ struct Writer::State {
     totals.stored_bytes += bytes;
     totals.raw_bytes += (std::uint64_t{4} << (2 * stored.step)) * header.types[parcel.type].channels.size();
     ++report.layers;
-    if (page.size() == kPageEntries) flush_page();
+    if (page.size() == kPageEntriesWritten) flush_page();
   }
 };
 

@@ -1,0 +1,14 @@
+#!/bin/sh
+# Writes docs/cli: one page a tool, from its --help.
+#   write_docs.sh BIN_DIR OUT_DIR
+set -eu
+bin=$1
+out=$2
+mkdir -p "$out"
+for tool in apgm apgm-info apgm-convert apgm-merge apgm-crop apgm-render; do
+  {
+    printf '# %s\n\nWritten from `%s --help` by the target `cli_docs`.\n\n```text\n' "$tool" "$tool"
+    "$bin/$tool" --help
+    printf '```\n'
+  } >"$out/$tool.md"
+done

@@ -1,0 +1,169 @@
+#include <fmt/format.h>
+
+#include <CLI/App.hpp>
+#include <algorithm>
+#include <deque>
+#include <filesystem>
+
+#include "apgm/format/reader.hpp"
+#include "apgm/format/writer.hpp"
+#include "apgm/ops/merge.hpp"
+#include "tools/common/app.hpp"
+#include "tools/common/conflict_picture.hpp"
+#include "tools/common/exit_code.hpp"
+#include "tools/common/options.hpp"
+#include "tools/common/picture.hpp"
+#include "tools/common/report.hpp"
+#include "tools/common/suggest.hpp"
+
+namespace apgm::tools {
+namespace {
+
+constexpr const char* kFusionGroup = "Fusion";
+
+class MergeTool final : public Tool {
+ public:
+  ToolInfo info() const override {
+    return {.verb = "merge",
+            .summary = "fuse maps into one",
+            .usage = "[OPTIONS] INPUT... -o OUTPUT",
+            .details = {"Layers of the same type are brought to one cell size, then fused cell by cell. The "
+                        "result is the same, byte for byte, for any order of the inputs (--rule last "
+                        "excepted) and any number of threads. Layers that one input alone holds are copied "
+                        "as they are stored.",
+                        "Inputs must have the same patch edge, CRS and frame id, and datums that differ by "
+                        "whole cells; --regrid lifts the first and the last."},
+            .examples = {{"apgm-merge monday.apgm tuesday.apgm -o site.apgm", "two maps by Dempster's rule"},
+                         {"apgm-merge a.apgm b.apgm --discount b.apgm=0.8 -o ab.apgm",
+                          "trust the second map less"},
+                         {"apgm-merge a.apgm b.apgm --conflict-map conflict.png -o ab.apgm",
+                          "also draw where the maps contradict each other"}},
+            .exit_codes = {{kExitOutput, "the output exists, is not permitted, or the disk is full"},
+                           {kExitLimit, "a limit of the format or the budget is met"},
+                           {kExitIncompatible, "the inputs do not fit together"}}};
+  }
+
+  void add_options(CLI::App& app) override {
+    add_text(app, kFusionGroup, "--rule", rule_, "NAME", "dempster (default), yager, mean, max or last");
+    add_list(app, kFusionGroup, "--discount", discounts_, "INPUT=ALPHA",
+             "trust an input by a factor from 0 to 1 (repeatable)");
+    add_text(app, kFusionGroup, "--resolution", resolution_, "M",
+             "largest cell size of the result in metres (default: the finest present)");
+    add_switch(app, kFusionGroup, "--regrid", options_.regrid,
+               "resample inputs by area onto one grid where their edges or datums do not fit");
+    add_text(app, kFusionGroup, "--assume-frame", options_.assume_frame_id, "ID",
+             "take all inputs as being in this frame");
+    add_text(app, kFusionGroup, "--conflict-map", picture_path_, "FILE.png",
+             "also draw where the inputs contradict each other: white K = 0, black K = 1");
+    output_.add(app);
+    writing_.add(app);
+    heavy_.add(app);
+  }
+
+  void check(Session& session, const std::vector<std::string>& inputs) override {
+    inputs_ = inputs;
+    check_inputs(inputs_);
+    if (rule_) {
+      options_.rule =
+          *rule_from(parse_choice("--rule", *rule_, {"dempster", "yager", "mean", "max", "last"}));
+    }
+    if (resolution_) options_.resolution_m = parse_positive("--resolution", *resolution_);
+    check_discounts();
+    writing_.check();
+    heavy_.check();
+    output_.check(session, inputs_);
+    if (picture_path_) check_picture();
+    for (auto it = inputs_.begin(); it != inputs_.end(); ++it) {
+      if (std::find(inputs_.begin(), it, *it) != it) {
+        session.warning(fmt::format("'{}' is given twice and counts twice", *it));
+      }
+    }
+  }
+
+  void run(Session& session) override {
+    std::deque<Reader> readers;
+    std::vector<MergeInput> merged;
+    Json& result = session.result();
+    result["inputs"] = Json::array();
+    for (const std::string& path : inputs_) {
+      const Reader& reader = readers.emplace_back(path);
+      step_opened(session, path, reader);
+      const auto alpha = alphas_.find(path);
+      merged.push_back({&reader, path, alpha == alphas_.end() ? 1.0f : alpha->second});
+      result["inputs"].push_back(
+          {{"path", path}, {"content_id", reader.content_id()}, {"patches", reader.summary().patches}});
+      session.check_cancelled();
+    }
+    ConflictPicture conflicts;
+    if (picture_path_) options_.conflict = &conflicts;
+    const MergePlan plan(std::move(merged), options_);
+    MapHeader header = plan.header();
+    writing_.apply(header, {});
+    result["rule"] = to_string(options_.rule);
+    result["conflict_map"] = picture_path_ ? Json(*picture_path_) : Json();
+    if (output_.dry_run) return report_dry_run(session, output_);
+    std::optional<OutputFile> picture;
+    if (picture_path_) picture.emplace(*picture_path_, output_.options());
+    Writer writer(output_.path, header, writing_.options(output_));
+    const MergeReport report = plan.run(writer, session.run_options(heavy_, "merging"));
+    if (picture) draw(conflicts, header.frame, *picture);
+    session.check_cancelled();
+    writer.finish();
+    if (picture) picture->commit();
+    result["layers_stored"] = report.layers_stored;
+    result["total_conflicts"] = report.total_conflicts;
+    session.step(fmt::format("{} of {} layers copied as stored, {} in total conflict", report.layers_stored,
+                             report.layers, plural(report.total_conflicts, "cell", "cells")));
+    report_written(session, output_, writer.report());
+  }
+
+ private:
+  void check_discounts() {
+    for (const auto& [path, text] : parse_pairs("--discount", discounts_, true)) {
+      if (std::find(inputs_.begin(), inputs_.end(), path) == inputs_.end()) {
+        throw usage_error(fmt::format("--discount: '{}' is not an input", path),
+                          did_you_mean(path, inputs_, "the inputs: " + join(inputs_)));
+      }
+      alphas_[path] = static_cast<float>(parse_real("--discount " + path, text, 0, 1));
+    }
+  }
+
+  /// Before a byte is read: the picture is no input, not the map, and can be written.
+  void check_picture() const {
+    const std::string& path = *picture_path_;
+    if (path == "-") throw usage_error("--conflict-map takes the name of a file");
+    const auto place = [](const std::string& p) {
+      return std::filesystem::weakly_canonical(std::filesystem::absolute(p));
+    };
+    if (output_.path != "-" && place(path) == place(output_.path)) {
+      throw usage_error(fmt::format("--conflict-map and the output are the same file '{}'", path));
+    }
+    check_output_path(path, output_.overwrite, inputs_);
+  }
+
+  static void draw(const ConflictPicture& conflicts, const Frame& frame, OutputFile& picture) {
+    PictureText text;
+    text.title = "conflict K of the inputs";
+    text.facts = {"frame " + frame.frame_id};
+    if (frame.epsg) text.facts.push_back(fmt::format("EPSG:{}", *frame.epsg));
+    text.up = frame.epsg ? "N" : "y";
+    text.no_data = "the inputs share no layer of a patch";
+    write_png(compose(conflicts.rendering(frame), text), picture);
+  }
+
+  std::vector<std::string> inputs_, discounts_;
+  std::map<std::string, float> alphas_;
+  std::optional<std::string> rule_, resolution_, picture_path_;
+  MergeOptions options_;
+  OutputChoice output_;
+  MapWriting writing_;
+  HeavyOptions heavy_;
+};
+
+}  // namespace
+}  // namespace apgm::tools
+
+int main(int argc, char** argv) {
+  apgm::tools::MergeTool tool;
+  return apgm::tools::run_tool(tool, argc, argv);
+}

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "apgm/core/frame.hpp"
+
+namespace apgm::tools {
+
+// Reading values, strictly: the whole text or nothing. @throws Error{kInvalidArgument} naming the option and
+// what it takes.
+
+double parse_real(const std::string& option, std::string_view text);
+double parse_positive(const std::string& option, std::string_view text);
+/// In [min, max].
+double parse_real(const std::string& option, std::string_view text, double min, double max);
+std::int64_t parse_integer(const std::string& option, std::string_view text, std::int64_t min,
+                           std::int64_t max);
+/// Bytes: "1500000", "1.5GB", "512MiB"
+std::uint64_t parse_size(const std::string& option, std::string_view text);
+/// "XMIN,YMIN,XMAX,YMAX" in metres, not inverted, not empty.
+Box parse_box(const std::string& option, std::string_view text);
+/// Nanoseconds since 1970: "now", "@SECONDS", "2026-01-31T12:00:00Z"
+std::int64_t parse_time(const std::string& option, std::string_view text);
+/// One of `choices`.
+std::string parse_choice(const std::string& option, const std::string& text,
+                         const std::vector<std::string>& choices);
+/// KEY=VALUE pairs, each key once. The last '=' divides where `at_last` is set.
+std::map<std::string, std::string> parse_pairs(const std::string& option,
+                                               const std::vector<std::string>& texts, bool at_last = false);
+
+}  // namespace apgm::tools
