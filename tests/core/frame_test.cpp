@@ -143,7 +143,9 @@ TEST(FrameTest, CheckRefusesWhatAFileCannotHold) {
   refuses([](Frame& f) { f.edge_um = 999; });
   refuses([](Frame& f) { f.edge_um = 10'000'000'001; });
   refuses([](Frame& f) { f.datum_x_um = 1'000'000'000'000'001; });
+  refuses([](Frame& f) { f.datum_y_um = std::numeric_limits<std::int64_t>::min(); });
   refuses([](Frame& f) { f.epsg = 0; });
+  refuses([](Frame& f) { f.frame_id = "\xff"; });
   refuses([](Frame& f) { f.frame_id.clear(); });
   refuses([](Frame& f) { f.frame_id = "a\nb"; });
 }

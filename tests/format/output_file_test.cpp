@@ -82,6 +82,23 @@ TEST(OutputFileTest, FollowsALinkToTheFileItNames) {
   EXPECT_TRUE(S_ISLNK(st.st_mode));
 }
 
+TEST(OutputFileTest, MakesTheFileADanglingLinkNames) {
+  TempDir dir;
+  ASSERT_EQ(::symlink("real", (dir / "link").c_str()), 0);
+  OutputFile file(dir / "link");
+  file.write("new");
+  file.commit();
+  EXPECT_EQ(read_file(dir / "real"), "new");
+  ASSERT_EQ(::symlink("loop", (dir / "loop").c_str()), 0);
+  EXPECT_EQ(code_of([&] { OutputFile loop(dir / "loop"); }), ErrorCode::kOutput);
+}
+
+TEST(OutputFileTest, FullDiskIsToldByFlush) {
+  OutputFile file("/dev/full");
+  file.write("a little");
+  EXPECT_EQ(code_of([&] { file.flush(); }), ErrorCode::kOutput);
+}
+
 TEST(OutputFileTest, FullDiskIsAnOutputError) {
   EXPECT_EQ(code_of([&] {
               OutputFile file("/dev/full");

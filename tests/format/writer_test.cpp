@@ -153,6 +153,27 @@ TEST_P(LossyTest, IsIdempotentAndSmaller) {
   EXPECT_LT(once.file_bytes, exact.file_bytes);
 }
 
+TEST_P(LossyTest, BoundStaysWithTheLayersThatAreWrittenAgain) {
+  const auto [lossy, bound] = GetParam();
+  TempDir dir;
+  WriterOptions options;
+  options.lossy = lossy;
+  write_map(sample_map(9, 4), dir / "once.apgm", options);
+  WriterOptions stronger;
+  stronger.level = 9;
+  write_map(Reader(dir / "once.apgm"), dir / "again.apgm", stronger);
+  const Reader again(dir / "again.apgm");
+  const auto cursor = again.patches();
+  PatchInfo patch;
+  StoredLayer stored;
+  while (cursor->next(patch)) {
+    for (const LayerInfo& info : patch.layers) {
+      again.load_stored(info, stored);
+      EXPECT_EQ(stored.error_bound, again.header().types[info.type].is_evidence() ? bound : 0.0f);
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(All, LossyTest,
                          testing::Values(std::pair{Lossy::kU16, 1.0f / 65535},
                                          std::pair{Lossy::kU8, 1.0f / 255}));

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "apgm/core/error.hpp"
+#include "apgm/core/text.hpp"
 
 namespace apgm {
 namespace {
@@ -115,7 +116,7 @@ PatchRange Frame::patches_meeting(const Box& box) const {
 Frame::CellRange Frame::cells_meeting(PatchIndex patch, int step, const Box& box) const {
   const std::int64_t edge_nm = edge_um * kNanoPerMicro;
   // A box reaches 4e9 m at most: patches beyond cannot meet it, and the products below stay within 63 bits.
-  const std::int64_t reach = static_cast<std::int64_t>(5e18) / edge_nm;
+  const std::int64_t reach = static_cast<std::int64_t>(4e18) / edge_nm;
   if (std::abs(std::int64_t{patch.x}) > reach || std::abs(std::int64_t{patch.y}) > reach) return {};
   const std::int64_t ox = datum_x_um * kNanoPerMicro + patch.x * edge_nm;
   const std::int64_t oy = datum_y_um * kNanoPerMicro + patch.y * edge_nm;
@@ -141,16 +142,18 @@ void Frame::check() const {
   if (edge_um < 1'000 || edge_um > 10'000'000'000) {
     throw Error(ErrorCode::kLimit, "the patch edge must lie between 0.001 m and 10000 m");
   }
-  if (std::abs(datum_x_um) > kMaxDatum_um || std::abs(datum_y_um) > kMaxDatum_um) {
+  const auto within = [](std::int64_t datum_um) {
+    return datum_um >= -kMaxDatum_um && datum_um <= kMaxDatum_um;
+  };
+  if (!within(datum_x_um) || !within(datum_y_um)) {
     throw Error(ErrorCode::kLimit, "the datum must lie within 1e9 m");
   }
   if (epsg && (*epsg < 1 || *epsg > 999'999)) {
     throw Error(ErrorCode::kInvalidArgument, "an EPSG code lies between 1 and 999999");
   }
-  const bool printable =
-      std::none_of(frame_id.begin(), frame_id.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; });
-  if (frame_id.empty() || frame_id.size() > 255 || !printable) {
-    throw Error(ErrorCode::kInvalidArgument, "a frame id is 1 to 255 bytes without control characters");
+  if (frame_id.empty() || frame_id.size() > 255 || !is_plain_text(frame_id)) {
+    throw Error(ErrorCode::kInvalidArgument,
+                "a frame id is 1 to 255 bytes of UTF-8 without control characters");
   }
 }
 

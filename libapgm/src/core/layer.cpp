@@ -65,6 +65,7 @@ Layer& Layer::operator=(const Layer& other) {
   if (this == &other) return *this;
   reshape(other.channels_, other.step_);
   stamp_ns = other.stamp_ns;
+  error_bound = other.error_bound;
   for (int c = 0; c < channels_; ++c)
     std::memcpy(plane(c).data(), other.plane(c).data(), cells() * sizeof(float));
   return *this;
@@ -76,6 +77,7 @@ Layer& Layer::operator=(Layer&& other) noexcept {
   channels_ = std::exchange(other.channels_, 0);
   step_ = std::exchange(other.step_, 0);
   stamp_ns = std::exchange(other.stamp_ns, 0);
+  error_bound = std::exchange(other.error_bound, 0.0f);
   return *this;
 }
 
@@ -98,6 +100,7 @@ void Layer::reshape(int channels, int step) {
   channels_ = channels;
   step_ = step;
   stamp_ns = 0;
+  error_bound = 0;
 }
 
 void Layer::reset(const LayerType& type, int step) {

@@ -50,7 +50,12 @@ Block parse_block(Bytes bytes, Kind kind) {
   if (h.sync != kSync) fail("a block does not start with its sync mark");
   if (h.hash != hash_of(bytes.first(kHashedBytes))) fail("a block header fails its checksum");
   if (h.kind != kind) fail("a block is of another kind than the index says");
-  if (h.version != 1 || h.flags > 1 || h.reserved != 0) fail("a block header holds reserved values");
+  if (h.version != 1 || h.flags > 1) {
+    throw Error(ErrorCode::kUnsupported,
+                "a block has version " + std::to_string(h.version) + " of its layout")
+        .hint("a newer version of apgm can read it");
+  }
+  if (h.reserved != 0) fail("a block header holds reserved values");
   if (h.payload_bytes > bytes.size() || padded(h.payload_bytes) != bytes.size() - sizeof(BlockHeader) ||
       h.meta_bytes > h.payload_bytes || h.meta_bytes % 8 != 0) {
     fail("a block's sizes do not fit together");

@@ -35,7 +35,7 @@ void encode(const Layer& layer, const LayerType& type, int level, Lossy lossy, S
   out.bytes.clear();
   out.step = static_cast<std::uint8_t>(layer.step());
   out.content_hash = content_hash(layer);
-  out.error_bound = type.is_evidence() ? error_bound(lossy) : 0.0f;
+  out.error_bound = std::max(layer.error_bound, type.is_evidence() ? error_bound(lossy) : 0.0f);
   if (is_constant(layer)) {
     out.encoding = static_cast<std::uint8_t>(Encoding::kConstant);
     for (int c = 0; c < layer.channels(); ++c) append_value(out.bytes, layer.plane(c)[0]);

@@ -33,13 +33,24 @@ PatchRange range_of(const std::vector<IndexEntry>& entries) {
   return range;
 }
 
-void check_entry(const IndexEntry& e, std::uint64_t end, std::size_t types) {
+/// No encoding of a layer is larger than its values, masks and frame overhead: what a block may take in
+/// memory.
+std::uint64_t most_stored_bytes(const LayerType& type, int step) {
+  const std::uint64_t raw = (std::uint64_t{4} << (2 * step)) * type.channels.size();
+  return raw + raw / 16 + 16'384;
+}
+
+void check_entry(const IndexEntry& e, std::uint64_t end, const TypeTable& types, const Root& root) {
   if (e.key != curve_key({e.ix, e.iy})) fail("an index entry's key does not fit its patch");
   if (e.offset < sizeof(Preamble) || e.offset % 8 != 0 || e.offset > end || e.stored_bytes > end - e.offset ||
       e.stored_bytes < sizeof(BlockHeader) || e.stored_bytes % 8 != 0) {
     fail("an index entry points outside the file");
   }
-  if (e.step > kMaxStep || e.type >= types) fail("an index entry names a step or type that does not exist");
+  if (e.step > kMaxStep || e.type >= types.size() || root.totals[e.type].layers_at[e.step] == 0) {
+    fail("an index entry names a step or type that does not exist");
+  }
+  if (e.stored_bytes > most_stored_bytes(types[e.type], e.step))
+    fail("an index entry names a block that is too large");
   if (e.reserved != 0) fail("an index entry holds reserved values");
   if (e.encoding > kLastEncoding) {
     throw Error(ErrorCode::kUnsupported, "a layer is stored in encoding " + std::to_string(e.encoding))
@@ -76,8 +87,8 @@ fbs::PageRef append_page(std::vector<std::byte>& out, std::uint64_t offset,
           0};
 }
 
-void read_page(Bytes bytes, const fbs::PageRef& ref, std::uint64_t end, std::size_t types,
-               std::vector<IndexEntry>& out) {
+void read_page(Bytes bytes, const fbs::PageRef& ref, std::uint64_t end, const TypeTable& types,
+               const Root& root, std::vector<IndexEntry>& out) {
   const Block block = parse_block(bytes, Kind::kIndexPage);
   if (block.header.payload_hash != ref.hash()) fail("an index page is not the one the index names");
   flatbuffers::Verifier verifier(reinterpret_cast<const std::uint8_t*>(block.meta.data()), block.meta.size(),
@@ -91,7 +102,7 @@ void read_page(Bytes bytes, const fbs::PageRef& ref, std::uint64_t end, std::siz
   out.resize(n);
   transpose_back(columns.data(), n, reinterpret_cast<std::byte*>(out.data()));
   for (std::size_t i = 0; i < n; ++i) {
-    check_entry(out[i], end, types);
+    check_entry(out[i], end, types, root);
     if (i > 0 && std::pair(out[i - 1].key, out[i - 1].type) >= std::pair(out[i].key, out[i].type)) {
       fail("index entries are not in order");
     }
@@ -116,6 +127,41 @@ void append_root(std::vector<std::byte>& out, const std::vector<fbs::PageRef>& p
   append_block(out, Kind::kIndexRoot, 0, std::as_bytes(std::span(fb.GetBufferPointer(), fb.GetSize())), {});
 }
 
+namespace {
+
+/// The verifier lets a vector of structs lie at any address: they are copied, never read in place.
+template <typename T>
+T struct_at(const std::uint8_t* data, std::size_t i) {
+  T value;
+  std::memcpy(&value, data + i * sizeof(T), sizeof(T));
+  return value;
+}
+
+void check_ref(const fbs::PageRef& ref, std::uint64_t end) {
+  if (ref.offset() < sizeof(Preamble) || ref.offset() > end || ref.bytes() > end - ref.offset() ||
+      ref.bytes() > kPageEntries * sizeof(IndexEntry) * 2 + 4096 || ref.reserved() != 0 ||
+      ref.entries() < 1 || ref.entries() > kPageEntries || ref.last_key() < ref.first_key()) {
+    fail("the index root names a page that cannot be");
+  }
+}
+
+Summary::OfType totals_of(const fbs::TypeTotals& stored) {
+  Summary::OfType of;
+  of.layers = stored.layers();
+  of.stored_bytes = stored.stored_bytes();
+  of.raw_bytes = stored.raw_bytes();
+  std::uint64_t sum = 0;
+  for (std::size_t k = 0; k < of.layers_at.size(); ++k) {
+    of.layers_at[k] = stored.layers_at()->Get(static_cast<flatbuffers::uoffset_t>(k));
+    if (of.layers_at[k] > of.layers) fail("the index root's totals do not add up");
+    sum += of.layers_at[k];
+  }
+  if (sum != of.layers) fail("the index root's totals do not add up");
+  return of;
+}
+
+}  // namespace
+
 Root read_root(Bytes bytes, std::uint64_t end, std::size_t types) {
   const Block block = parse_block(bytes, Kind::kIndexRoot);
   if (!block.body.empty() || block.meta.size() > kMaxRootBytes) fail("the index root is malformed");
@@ -123,32 +169,25 @@ Root read_root(Bytes bytes, std::uint64_t end, std::size_t types) {
                                  8, 64);
   if (!verifier.VerifyBuffer<fbs::IndexRoot>(nullptr)) fail("the index root is malformed");
   const auto* root = flatbuffers::GetRoot<fbs::IndexRoot>(block.meta.data());
-  Root result;
   const std::size_t pages = root->pages() == nullptr ? 0 : root->pages()->size();
   const std::size_t totals = root->totals() == nullptr ? 0 : root->totals()->size();
   if (totals != types || pages > kMaxPages) fail("the index root does not fit the layer types");
-  // The verifier lets a vector of structs lie at any address: these are copied, never read in place.
+  Root result;
+  std::uint64_t entries = 0, layers = 0;
   for (std::size_t i = 0; i < pages; ++i) {
-    fbs::PageRef ref;
-    std::memcpy(&ref, root->pages()->Data() + i * sizeof(ref), sizeof(ref));
-    if (ref.offset() < sizeof(Preamble) || ref.offset() > end || ref.bytes() > end - ref.offset() ||
-        ref.bytes() > kPageEntries * sizeof(IndexEntry) * 2 + 4096 || ref.reserved() != 0 ||
-        ref.last_key() < ref.first_key() || (i > 0 && ref.first_key() < result.pages.back().last_key())) {
-      fail("the index root names pages that cannot be");
-    }
+    const auto ref = struct_at<fbs::PageRef>(root->pages()->Data(), i);
+    check_ref(ref, end);
+    // A patch's layers may stand on both sides of a page's end, so the keys may touch.
+    if (i > 0 && ref.first_key() < result.pages.back().last_key()) fail("the index pages are not in order");
+    entries += ref.entries();
     result.pages.push_back(ref);
   }
   for (std::size_t i = 0; i < totals; ++i) {
-    fbs::TypeTotals t;
-    std::memcpy(&t, root->totals()->Data() + i * sizeof(t), sizeof(t));
-    Summary::OfType& of = result.totals.emplace_back();
-    of.layers = t.layers();
-    of.stored_bytes = t.stored_bytes();
-    of.raw_bytes = t.raw_bytes();
-    for (std::size_t k = 0; k < of.layers_at.size(); ++k) {
-      of.layers_at[k] = t.layers_at()->Get(static_cast<flatbuffers::uoffset_t>(k));
-    }
+    result.totals.push_back(totals_of(struct_at<fbs::TypeTotals>(root->totals()->Data(), i)));
+    if (result.totals.back().layers > entries) fail("the index root's totals do not add up");
+    layers += result.totals.back().layers;
   }
+  if (layers != entries) fail("the index root's totals do not add up");
   return result;
 }
 

@@ -20,19 +20,21 @@ inline constexpr std::uint64_t kMaxRootBytes = std::uint64_t{128} << 20;
 fbs::PageRef append_page(std::vector<std::byte>& out, std::uint64_t offset,
                          const std::vector<IndexEntry>& entries);
 
+struct Root {
+  std::vector<fbs::PageRef> pages;
+  std::vector<Summary::OfType> totals;
+};
+
 /// Entries of a stored page, checked: count, strict order by (key, type), key = curve(ix, iy), blocks within
-/// [64, `end`), step, type < `types`, encoding known.
+/// [64, `end`) and no larger than their type and step allow, steps that the totals of `root` know, encoding known.
 /// @throws Error{kDamaged|kUnsupported}
-void read_page(Bytes block, const fbs::PageRef& ref, std::uint64_t end, std::size_t types,
+void read_page(Bytes block, const fbs::PageRef& ref, std::uint64_t end, const TypeTable& types, const Root& root,
                std::vector<IndexEntry>& out);
 
 void append_root(std::vector<std::byte>& out, const std::vector<fbs::PageRef>& pages,
                  const std::vector<Summary::OfType>& totals);
 
-struct Root {
-  std::vector<fbs::PageRef> pages;
-  std::vector<Summary::OfType> totals;
-};
+/// The pages and totals, checked against each other: ranges of keys and files, sums of layers.
 /// @throws Error{kDamaged}
 Root read_root(Bytes block, std::uint64_t end, std::size_t types);
 

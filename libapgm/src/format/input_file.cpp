@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <utility>
 #include <vector>
 
 #include "apgm/core/error.hpp"
@@ -63,14 +64,19 @@ InputFile::InputFile(const std::string& path) : path_(path) {
     size_ = static_cast<std::uint64_t>(st.st_size);
     return;
   }
-  if (known && !S_ISDIR(st.st_mode)) {  // a pipe or a device
-    const int stream = fd_;
-    fd_ = spool(stream, path);
+  if (known && (S_ISFIFO(st.st_mode) || S_ISSOCK(st.st_mode))) {
+    const int stream = std::exchange(fd_, -1);
+    try {
+      fd_ = spool(stream, path);
+    } catch (...) {
+      ::close(stream);
+      throw;
+    }
     ::close(stream);
     if (::fstat(fd_, &st) == 0) size_ = static_cast<std::uint64_t>(st.st_size);
     return;
   }
-  const int error = known ? EISDIR : errno;
+  const int error = !known ? errno : S_ISDIR(st.st_mode) ? EISDIR : EINVAL;  // a device may never end
   ::close(fd_);
   fail(path, "read", error);
 }

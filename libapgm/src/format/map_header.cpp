@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "apgm/core/error.hpp"
+#include "apgm/core/text.hpp"
 #include "apgm_generated.h"
 
 namespace apgm::format {
@@ -18,12 +19,13 @@ std::string join(const std::vector<std::string>& names) {
   return text;
 }
 
-std::vector<std::string> split(std::string_view text) {
+std::vector<std::string> split(std::string_view text, std::size_t most) {
   std::vector<std::string> names;
   while (!text.empty()) {
     const auto end = text.find(' ');
     names.emplace_back(text.substr(0, end));
     text = end == std::string_view::npos ? std::string_view{} : text.substr(end + 1);
+    if (names.back().empty() || names.size() > most) fail("a list in the map header is malformed");
   }
   return names;
 }
@@ -32,11 +34,14 @@ std::vector<std::string> split(std::string_view text) {
 /// nothing.
 class Budget {
  public:
+  /// Free text: UTF-8 without NUL.
   std::string_view take(const flatbuffers::String* text) {
     if (text == nullptr) return {};
     if (text->size() > left_) fail("the map header's strings are larger than the map header");
     left_ -= text->size();
-    return {text->c_str(), text->size()};
+    const std::string_view view(text->c_str(), text->size());
+    if (!is_utf8(view)) fail("a text in the map header is not UTF-8");
+    return view;
   }
 
  private:
@@ -55,8 +60,8 @@ flatbuffers::Offset<fbs::LayerType> build(FlatBufferBuilder& fb, const LayerType
 LayerType read_type(const fbs::LayerType& stored, Budget& budget) {
   LayerType type;
   type.name = budget.take(stored.name());
-  type.hypotheses = split(budget.take(stored.hypotheses()));
-  type.channels = split(budget.take(stored.channels()));
+  type.hypotheses = split(budget.take(stored.hypotheses()), 16);
+  type.channels = split(budget.take(stored.channels()), 16);
   const auto policy = policy_from(budget.take(stored.policy()));
   if (!policy) {
     throw Error(ErrorCode::kUnsupported, "layer type '" + type.name + "' has an unknown resampling policy")
@@ -82,17 +87,42 @@ void check_ascending(const T& list, Name name) {
 
 }  // namespace
 
+namespace {
+
+[[noreturn]] void refuse(const std::string& what) { throw Error(ErrorCode::kInvalidArgument, what); }
+
+/// What a header may hold is what a reader gives back unchanged.
+void check_texts(const MapHeader& header) {
+  for (const auto& [key, value] : header.metadata) {
+    if (key.empty() || !is_plain_text(key) || !is_utf8(value)) refuse("a metadata pair is not UTF-8 text");
+  }
+  for (const Provenance& p : header.history) {
+    if (!is_plain_text(p.operation) || !is_utf8(p.parameters)) refuse("a history entry is not UTF-8 text");
+    if (p.inputs.size() > kMaxInputs)
+      throw Error(ErrorCode::kLimit, "a history entry names more than 65536 inputs");
+    for (const std::string& input : p.inputs) {
+      if (input.empty() || !is_plain_text(input) || input.find(' ') != std::string::npos) {
+        refuse("an input in the history is empty or holds a space");
+      }
+    }
+  }
+}
+
+}  // namespace
+
 BlockHeader append_map_header(std::vector<std::byte>& out, const MapHeader& header) {
   header.frame.check();
   if (header.metadata.size() > kMaxMetadata || header.history.size() > kMaxHistory) {
     throw Error(ErrorCode::kLimit, "a map holds at most 1024 metadata pairs and 1024 history entries");
   }
+  check_texts(header);
   FlatBufferBuilder fb(4096);
   std::vector<flatbuffers::Offset<fbs::LayerType>> types;
   for (const LayerType& type : header.types) types.push_back(build(fb, type));
   std::vector<flatbuffers::Offset<fbs::KeyValue>> metadata;
-  for (const auto& [key, value] : header.metadata)
+  for (const auto& [key, value] : header.metadata) {
     metadata.push_back(fbs::CreateKeyValueDirect(fb, key.c_str(), value.c_str()));
+  }
   std::vector<flatbuffers::Offset<fbs::Provenance>> history;
   for (const Provenance& p : header.history) {
     history.push_back(
@@ -145,7 +175,8 @@ MapHeader read_map_header(Bytes bytes) {
   header.metadata.insert(metadata.begin(), metadata.end());
   for (std::size_t i = 0; i < size_of(stored.history()); ++i) {
     const auto* p = stored.history()->Get(static_cast<flatbuffers::uoffset_t>(i));
-    header.history.push_back({std::string(budget.take(p->operation())), split(budget.take(p->inputs())),
+    header.history.push_back({std::string(budget.take(p->operation())),
+                              split(budget.take(p->inputs()), kMaxInputs),
                               std::string(budget.take(p->parameters()))});
   }
   try {

@@ -7,6 +7,7 @@ namespace apgm::format {
 
 inline constexpr std::size_t kMaxMetadata = 1024;
 inline constexpr std::size_t kMaxHistory = 1024;
+inline constexpr std::size_t kMaxInputs = 65'536;  // of a history entry
 inline constexpr std::uint64_t kMaxHeaderBytes = std::uint64_t{16} << 20;
 
 /// Appends the MapHeader block. @throws Error{kLimit|kInvalidArgument} on a header the format cannot hold

@@ -32,15 +32,17 @@ std::string directory_of(const std::string& path) {
   return slash == 0 ? "/" : path.substr(0, slash);
 }
 
-/// A link is followed, so that the file it names is replaced, not the link.
-std::string resolve_link(const std::string& path) {
-  struct stat st {};
-  if (::lstat(path.c_str(), &st) != 0 || !S_ISLNK(st.st_mode)) return path;
-  char* real = ::realpath(path.c_str(), nullptr);
-  if (real == nullptr) return path;
-  std::string result(real);
-  std::free(real);
-  return result;
+/// A link is followed, so that the file it names is replaced or made, not the link.
+std::string resolve_link(std::string path) {
+  constexpr int kMostLinks = 40;  // as the kernel
+  for (int i = 0; i < kMostLinks; ++i) {
+    std::string to(4096, '\0');
+    const ssize_t size = ::readlink(path.c_str(), to.data(), to.size());
+    if (size < 0) return path;
+    to.resize(static_cast<std::size_t>(size));
+    path = to[0] == '/' ? to : directory_of(path) + "/" + to;
+  }
+  fail(path, "follow the links of", ELOOP);
 }
 
 }  // namespace
@@ -90,21 +92,27 @@ struct OutputFile::State {
   void open() {
     // A file without a name leaves nothing behind, not even when the process is killed.
     fd = ::open(directory_of(target).c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
-    if (fd >= 0) return;
-    if (errno != EOPNOTSUPP && errno != EISDIR && errno != EINVAL) fail(path, "create", errno);
+    if (fd >= 0 && ::access(self_path().c_str(), F_OK) == 0) return;
+    if (fd >= 0)
+      ::close(std::exchange(fd, -1));  // without /proc it could never be given a name
+    else if (errno != EOPNOTSUPP && errno != EISDIR && errno != EINVAL)
+      fail(path, "create", errno);
     temporary = beside([&](const std::string& name) {
       fd = ::open(name.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, 0666);
       return fd >= 0;
     });
   }
 
-  void give_name(const std::string& from, bool replace) {
+  /// Gives a named file its final name, atomically, replacing nothing unless asked to.
+  void rename_to_target(const std::string& from, bool replace) {
     if (replace) {
       if (::rename(from.c_str(), target.c_str()) != 0) fail(path, "replace", errno);
-      temporary.clear();
-      return;
+    } else if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, target.c_str(), RENAME_NOREPLACE) != 0) {
+      if (errno != EINVAL && errno != ENOSYS) fail(path, "create", errno);
+      // A file system without that flag: it was checked just before that nothing is there.
+      if (::rename(from.c_str(), target.c_str()) != 0) fail(path, "create", errno);
     }
-    if (::link(from.c_str(), target.c_str()) != 0) fail(path, "create", errno);
+    temporary.clear();
   }
 
   void commit() {
@@ -113,26 +121,25 @@ struct OutputFile::State {
     if (options.fsync && ::fsync(fd) != 0) fail(path, "flush", errno);
     const bool replace = ::access(target.c_str(), F_OK) == 0;
     if (replace && !options.overwrite) fail(path, "create", EEXIST);
+    if (replace) keep_mode();
     if (temporary.empty()) {
-      const std::string self = "/proc/self/fd/" + std::to_string(fd);
-      if (!replace) {
-        if (::linkat(AT_FDCWD, self.c_str(), AT_FDCWD, target.c_str(), AT_SYMLINK_FOLLOW) != 0) {
-          fail(path, "create", errno);
-        }
-      } else {
-        temporary = beside([&](const std::string& name) {
-          return ::linkat(AT_FDCWD, self.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) == 0;
-        });
-        keep_mode();
-        give_name(temporary, true);
+      const std::string self = self_path();
+      const auto link_to = [&](const std::string& name) {
+        return ::linkat(AT_FDCWD, self.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) == 0;
+      };
+      if (replace) {
+        temporary = beside(link_to);
+      } else if (!link_to(target)) {
+        fail(path, "create", errno);
       }
-    } else {
-      if (replace) keep_mode();
-      give_name(temporary, replace);
     }
+    // Network file systems tell of a full disk at close: before the old file is gone.
+    if (::close(std::exchange(fd, -1)) != 0) fail(path, "write", errno);
+    if (!temporary.empty()) rename_to_target(temporary, replace);
     if (options.fsync) sync_directory();
-    if (::close(std::exchange(fd, -1)) != 0) fail(path, "close", errno);
   }
+
+  std::string self_path() const { return "/proc/self/fd/" + std::to_string(fd); }
 
   /// A replaced file keeps its permissions.
   void keep_mode() const {
@@ -196,6 +203,8 @@ void OutputFile::write(std::span<const std::byte> bytes) {
 void OutputFile::write(const std::string& text) { write(std::as_bytes(std::span(text))); }
 
 std::uint64_t OutputFile::size() const { return state_->size; }
+
+void OutputFile::flush() { state_->flush(); }
 
 void OutputFile::commit() { state_->commit(); }
 

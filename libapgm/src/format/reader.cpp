@@ -20,6 +20,8 @@ namespace {
 
 /// What is read at once from the end of a file: the footer, and for most maps the index root before it.
 constexpr std::uint64_t kTailBytes = 64 * 1024;
+/// FlatBuffer of a layer: a table of a few numbers, with room for fields of later versions.
+constexpr std::size_t kMaxLayerMeta = 4096;
 
 std::string hex(std::span<const std::byte> bytes) {
   static constexpr char kDigits[] = "0123456789abcdef";
@@ -32,8 +34,36 @@ std::string hex(std::span<const std::byte> bytes) {
   return text;
 }
 
+/// Names what a file looks like from its first bytes; nullptr if nothing is recognised.
+const char* guess_format(std::span<const std::byte> head) {
+  const std::string_view text(reinterpret_cast<const char*>(head.data()), head.size());
+  struct Mark {
+    std::string_view start;
+    const char* name;
+  };
+  static constexpr Mark kMarks[] = {
+      {"\x89PNG", "PNG image"},
+      {"# Octomap OcTree", "OctoMap tree"},
+      {"P2", "PGM image"},
+      {"P5", "PGM image"},
+      {"II*", "TIFF image"},
+      {"MM", "TIFF image"},
+      {"image:", "map_server YAML"},
+      {"\x1f\x8b", "gzip archive"},
+      {"PK\x03\x04", "zip archive"},
+      {"\x28\xb5\x2f\xfd", "zstd archive"},
+      {"BZh", "bzip2 archive"},
+      {"\xff\xd8\xff", "JPEG image"},
+      {"{", "JSON text"},
+  };
+  for (const Mark& mark : kMarks) {
+    if (text.substr(0, mark.start.size()) == mark.start) return mark.name;
+  }
+  return nullptr;
+}
+
 [[noreturn]] void fail_foreign(const InputFile& file, std::span<const std::byte> head) {
-  const char* guess = guess_format(file.path());
+  const char* guess = guess_format(head);
   std::string text = "'" + file.path() + "' is not an apgm file: ";
   if (head.empty()) {
     text += "it is empty";
@@ -44,22 +74,27 @@ std::string hex(std::span<const std::byte> bytes) {
   throw Error(ErrorCode::kForeign, text).at(file.path(), 0);
 }
 
-[[noreturn]] void fail_damaged(const InputFile& file, std::uint64_t offset, const std::string& what) {
+constexpr const char* kCopyAgain = "get the file again from where it came; a copy may have been cut short";
+constexpr const char* kSalvage = "'apgm crop --salvage' keeps the layers that are whole";
+
+[[noreturn]] void fail_damaged(const InputFile& file, std::uint64_t offset, const std::string& what,
+                               const char* hint = kCopyAgain) {
   throw Error(ErrorCode::kDamaged,
               "'" + file.path() + "' is damaged: " + what + " at byte " + std::to_string(offset))
-      .hint("'apgm crop --salvage' keeps the layers that are whole, if the index still reads")
+      .hint(hint)
       .at(file.path(), offset);
 }
 
 /// Runs `work`; what it finds wrong gets the file's name and the byte.
 template <typename Work>
-auto located(const InputFile& file, std::uint64_t offset, const std::string& where, Work work) {
+auto located(const InputFile& file, std::uint64_t offset, const std::string& where, Work work,
+             const char* hint = kCopyAgain) {
   try {
     return work();
   } catch (const Error& e) {
     if (!e.path().empty()) throw;
     const std::string text = where.empty() ? e.message() : where + ": " + e.message();
-    if (e.code() == ErrorCode::kDamaged) fail_damaged(file, offset, text);
+    if (e.code() == ErrorCode::kDamaged) fail_damaged(file, offset, text, hint);
     throw Error(e.code(), "'" + file.path() + "': " + text).hint(e.hint()).at(file.path(), offset);
   }
 }
@@ -117,6 +152,20 @@ struct Reader::State {
       return read_root(root_block, footer.root_offset, header.types.size());
     });
     tail = {};
+    check_totals();
+  }
+
+  /// Footer, root and pages say the same of the map's extent.
+  void check_totals() const {
+    std::uint64_t layers = 0;
+    PatchRange range;
+    for (const fbs::PageRef& ref : root.pages) {
+      layers += ref.entries();
+      range.add(PatchRange{{ref.x_min(), ref.y_min()}, {ref.x_max(), ref.y_max()}});
+    }
+    const PatchRange said{{footer.x_min, footer.y_min}, {footer.x_max, footer.y_max}};
+    if (layers == footer.layers && range == said && (footer.patches == 0) == (layers == 0)) return;
+    fail_damaged(file, footer.root_offset, "the index does not hold what the footer says");
   }
 
   void check_preamble() {
@@ -172,8 +221,9 @@ namespace {
 
 class FileCursor final : public PatchCursor {
  public:
-  FileCursor(const InputFile& file, const Root& root, std::uint64_t end, std::optional<PatchRange> range)
-      : file_(file), root_(root), end_(end), range_(range) {}
+  FileCursor(const InputFile& file, const TypeTable& types, const Root& root, std::uint64_t end,
+             std::optional<PatchRange> range)
+      : file_(file), types_(types), root_(root), end_(end), range_(range) {}
 
   bool next(PatchInfo& out) override {
     out.layers.clear();
@@ -198,14 +248,25 @@ class FileCursor final : public PatchCursor {
       if (range_ && !range_->meets(covers)) continue;
       buffer_.resize(ref.bytes());
       file_.read(ref.offset(), buffer_);
-      located(file_, ref.offset(), "", [&] { read_page(buffer_, ref, end_, root_.totals.size(), entries_); });
+      located(file_, ref.offset(), "", [&] { take_page(ref); });
       at_ = 0;
       return true;
     }
     return false;
   }
 
+  void take_page(const fbs::PageRef& ref) {
+    const bool first = entries_.empty();
+    const auto last = first ? std::pair<std::uint64_t, std::uint16_t>{} : order(entries_.back());
+    read_page(buffer_, ref, end_, types_, root_, entries_);
+    if (!first && order(entries_.front()) <= last)
+      throw Error(ErrorCode::kDamaged, "index entries are not in order");
+  }
+
+  static std::pair<std::uint64_t, std::uint16_t> order(const IndexEntry& e) { return {e.key, e.type}; }
+
   const InputFile& file_;
+  const TypeTable& types_;
   const Root& root_;
   std::uint64_t end_;
   std::optional<PatchRange> range_;
@@ -215,15 +276,12 @@ class FileCursor final : public PatchCursor {
   std::vector<std::byte> buffer_;
 };
 
-}  // namespace
-
-namespace {
-
 /// The stored block of a layer, checked against what the index says of it. The result points into `buffer`.
 Block read_layer(const InputFile& file, const LayerInfo& info, std::vector<std::byte>& buffer) {
   buffer.resize(info.stored_bytes);
   file.read(info.locator, buffer);
   const Block block = parse_block(buffer, Kind::kLayer);
+  if (block.meta.size() > kMaxLayerMeta) throw Error(ErrorCode::kDamaged, "the block is malformed");
   flatbuffers::Verifier verifier(reinterpret_cast<const std::uint8_t*>(block.meta.data()), block.meta.size(),
                                  8, 64);
   if (!verifier.VerifyBuffer<fbs::Layer>(nullptr)) throw Error(ErrorCode::kDamaged, "the block is malformed");
@@ -233,6 +291,8 @@ Block read_layer(const InputFile& file, const LayerInfo& info, std::vector<std::
       l.content_hash() != info.content_hash || l.stamp_ns() != info.stamp_ns) {
     throw Error(ErrorCode::kDamaged, "the block is not the one the index names");
   }
+  if (!(l.error_bound() >= 0 && l.error_bound() <= 1))
+    throw Error(ErrorCode::kDamaged, "the error bound is no mass");
   return block;
 }
 
@@ -261,66 +321,41 @@ Summary Reader::summary() const {
 }
 
 std::unique_ptr<PatchCursor> Reader::patches(const std::optional<PatchRange>& range) const {
-  return std::make_unique<FileCursor>(state_->file, state_->root, state_->footer.root_offset, range);
+  return std::make_unique<FileCursor>(state_->file, state_->header.types, state_->root,
+                                      state_->footer.root_offset, range);
 }
 
 void Reader::load(const LayerInfo& info, Layer& out) const {
   const LayerType& type = state_->header.types[info.type];
-  located(state_->file, info.locator, name_of(info.patch, type.name), [&] {
-    const Block block = read_layer(state_->file, info, layer_buffer());
-    decode(static_cast<Encoding>(info.encoding), info.step, block.body, type, out);
-    out.stamp_ns = info.stamp_ns;
-  });
+  located(
+      state_->file, info.locator, name_of(info.patch, type.name),
+      [&] {
+        const Block block = read_layer(state_->file, info, layer_buffer());
+        decode(static_cast<Encoding>(info.encoding), info.step, block.body, type, out);
+        if (content_hash(out) != info.content_hash) {
+          throw Error(ErrorCode::kDamaged, "the cells are not those of the content hash");
+        }
+        if (is_vacuous(out, type)) throw Error(ErrorCode::kDamaged, "the layer holds no data");
+        out.stamp_ns = info.stamp_ns;
+        out.error_bound = flatbuffers::GetRoot<fbs::Layer>(block.meta.data())->error_bound();
+      },
+      kSalvage);
 }
 
 bool Reader::load_stored(const LayerInfo& info, StoredLayer& out) const {
   const LayerType& type = state_->header.types[info.type];
-  return located(state_->file, info.locator, name_of(info.patch, type.name), [&] {
-    const Block block = read_layer(state_->file, info, layer_buffer());
-    out.encoding = info.encoding;
-    out.step = info.step;
-    out.content_hash = info.content_hash;
-    out.error_bound = flatbuffers::GetRoot<fbs::Layer>(block.meta.data())->error_bound();
-    out.bytes.assign(block.body.begin(), block.body.end());
-    return true;
-  });
-}
-
-const char* guess_format(const std::string& path) {
-  if (path == "-") return nullptr;
-  std::vector<std::byte> head;
-  try {
-    const InputFile file(path);
-    head.resize(std::min<std::uint64_t>(file.size(), 64));
-    file.read(0, head);
-  } catch (const Error&) {
-    return nullptr;
-  }
-  const std::string_view text(reinterpret_cast<const char*>(head.data()), head.size());
-  struct Mark {
-    std::string_view start;
-    const char* name;
-  };
-  static constexpr Mark kMarks[] = {
-      {"\x89PNG", "PNG image"},
-      {"# Octomap OcTree", "OctoMap tree"},
-      {"P2", "PGM image"},
-      {"P5", "PGM image"},
-      {"II*", "TIFF image"},
-      {"MM", "TIFF image"},
-      {"image:", "map_server YAML"},
-      {"\x1f\x8b", "gzip archive"},
-      {"PK\x03\x04", "zip archive"},
-      {"\x28\xb5\x2f\xfd", "zstd archive"},
-      {"BZh", "bzip2 archive"},
-      {"\xff\xd8\xff", "JPEG image"},
-      {"{", "JSON text"},
-  };
-  if (head.empty()) return "empty file";
-  for (const Mark& mark : kMarks) {
-    if (text.substr(0, mark.start.size()) == mark.start) return mark.name;
-  }
-  return nullptr;
+  return located(
+      state_->file, info.locator, name_of(info.patch, type.name),
+      [&] {
+        const Block block = read_layer(state_->file, info, layer_buffer());
+        out.encoding = info.encoding;
+        out.step = info.step;
+        out.content_hash = info.content_hash;
+        out.error_bound = flatbuffers::GetRoot<fbs::Layer>(block.meta.data())->error_bound();
+        out.bytes.assign(block.body.begin(), block.body.end());
+        return true;
+      },
+      kSalvage);
 }
 
 }  // namespace apgm

@@ -90,16 +90,12 @@ Writer::Writer(const std::string& path, const MapHeader& header, const WriterOpt
 
 Writer::~Writer() = default;
 
+bool Writer::takes_stored() const { return state_->options.lossy == Lossy::kNone; }
+
 void Writer::pack(Parcel& parcel) const {
   const LayerType& type = state_->header.types[parcel.type];
   const Lossy lossy = state_->options.lossy;
-  if (parcel.state == Parcel::State::kNothing) return;
-  if (parcel.state == Parcel::State::kStored) {
-    if (lossy == Lossy::kNone || !type.is_evidence()) return;
-    decode(static_cast<Encoding>(parcel.stored.encoding), parcel.stored.step, parcel.stored.bytes, type,
-           parcel.cells);
-    parcel.state = Parcel::State::kCells;
-  }
+  if (parcel.state != Parcel::State::kCells) return;
   canonicalise(parcel.cells, type);
   quantise(parcel.cells, type, lossy);
   if (is_vacuous(parcel.cells, type)) {

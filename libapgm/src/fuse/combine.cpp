@@ -43,9 +43,10 @@ std::optional<Rule> rule_from(std::string_view name) {
 CombineReport combine(std::span<const Layer* const> inputs, const LayerType& type, Rule rule, Layer& out,
                       float* conflict) {
   check_shapes(inputs, type);
-  std::int64_t stamp_ns = 0;
+  std::int64_t stamp_ns = inputs[0]->stamp_ns;
   for (const Layer* layer : inputs) stamp_ns = std::max(stamp_ns, layer->stamp_ns);
   const Layer& first = *inputs[0];
+  const float error_bound = inputs.size() == 1 ? first.error_bound : 0.0f;
   // Takes the shape only where `out` is no input: an input has it.
   if (std::find(inputs.begin(), inputs.end(), &out) == inputs.end())
     out.reshape(first.channels(), first.step());
@@ -63,6 +64,7 @@ CombineReport combine(std::span<const Layer* const> inputs, const LayerType& typ
     report.total_conflicts = fuse::combine_blocks(inputs, type, rule, out, conflict);
   }
   out.stamp_ns = stamp_ns;
+  out.error_bound = error_bound;
   return report;
 }
 

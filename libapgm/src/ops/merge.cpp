@@ -152,12 +152,16 @@ void Merge::fuse(std::span<const Claim> claims, MergeJob& job) const {
   for (std::size_t i = 0; i < claims.size(); ++i) {
     const Lane& lane = plan_.lanes[claims[i].lane];
     const LayerInfo& info = *claims[i].info;
+    const LayerType& own = lane.source->header().types[info.type];
     lane.source->load(info, job.loaded[i]);
-    job.inputs.push_back({&job.loaded[i], &lane.source->header().types[info.type], lane.alpha});
-    stamp_ns = i == 0 ? info.stamp_ns : std::max(stamp_ns, info.stamp_ns);
+    // A shifted or regridded input may name layers that turn out empty: they must not decide the resolution.
+    if (is_vacuous(job.loaded[i], own)) continue;
+    stamp_ns = job.inputs.empty() ? info.stamp_ns : std::max(stamp_ns, info.stamp_ns);
+    job.inputs.push_back({&job.loaded[i], &own, lane.alpha});
   }
+  if (job.inputs.empty()) return;
   Conflict* conflict = nullptr;
-  if (plan_.options.conflict != nullptr && claims.size() > 1) {
+  if (plan_.options.conflict != nullptr && job.inputs.size() > 1) {
     if (job.conflict_count == job.conflicts.size()) job.conflicts.emplace_back();
     conflict = &job.conflicts[job.conflict_count++];
   }

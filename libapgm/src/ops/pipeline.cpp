@@ -206,39 +206,50 @@ std::uint64_t job_bytes(std::span<const std::uint64_t> largest, std::uint64_t bu
   return sum + (buffers + kCodecBuffers) * most + kLayerOverhead;
 }
 
+namespace {
+
+/// Runs `fill` on a new parcel of `job`; the parcel does not stay if that fails or finds no data. So a
+/// salvage can go on with the other layers.
+template <typename Fill>
+void add_parcel(TypeId type, std::int64_t stamp_ns, Job& job, Fill fill) {
+  Parcel& parcel = job.parcels.add(job.patch, type, stamp_ns);
+  try {
+    fill(parcel);
+  } catch (...) {
+    job.parcels.drop_last();
+    throw;
+  }
+  if (parcel.state == Parcel::State::kNothing) job.parcels.drop_last();
+}
+
+}  // namespace
+
 void pass_layer(const PatchSource& source, const LayerInfo& info, TypeId type, const PatchSink& sink,
                 bool as_stored, Job& job) {
+  bool stored = false;
   if (as_stored) {
-    Parcel& parcel = job.parcels.add(job.patch, type, info.stamp_ns);
-    bool stored = false;
-    try {
+    add_parcel(type, info.stamp_ns, job, [&](Parcel& parcel) {
       stored = source.load_stored(info, parcel.stored);
-    } catch (...) {
-      job.parcels.drop_last();  // a salvage goes on with the other layers
-      throw;
-    }
-    if (stored) {
+      if (!stored) return;
       parcel.state = Parcel::State::kStored;
       sink.pack(parcel);
-      if (parcel.state == Parcel::State::kNothing) job.parcels.drop_last();
       job.layers_stored += parcel.state == Parcel::State::kStored;
-      return;
-    }
-    job.parcels.drop_last();
+    });
   }
+  if (stored) return;
   source.load(info, job.scratch);
   pack_scratch(type, info.stamp_ns, sink, job);
 }
 
 void pack_scratch(TypeId type, std::int64_t stamp_ns, const PatchSink& sink, Job& job) {
-  Parcel& parcel = job.parcels.add(job.patch, type, stamp_ns);
-  parcel.state = Parcel::State::kCells;
   job.scratch.stamp_ns = stamp_ns;
-  std::swap(parcel.cells, job.scratch);
-  sink.pack(parcel);
-  // A sink that encodes leaves the buffer for the next layer; one that keeps cells needs it until `put`.
-  if (parcel.state != Parcel::State::kCells) std::swap(parcel.cells, job.scratch);
-  if (parcel.state == Parcel::State::kNothing) job.parcels.drop_last();
+  add_parcel(type, stamp_ns, job, [&](Parcel& parcel) {
+    parcel.state = Parcel::State::kCells;
+    std::swap(parcel.cells, job.scratch);
+    sink.pack(parcel);
+    // A sink that encodes leaves the buffer for the next layer; one that keeps cells needs it until `put`.
+    if (parcel.state != Parcel::State::kCells) std::swap(parcel.cells, job.scratch);
+  });
 }
 
 }  // namespace apgm::ops

@@ -51,6 +51,7 @@ class Layer {
   }
 
   std::int64_t stamp_ns = 0;  ///< time of the newest measurement; 0: not said. Not part of the content
+  float error_bound = 0;  ///< stated bound of a lossy encoding the cells went through; 0: none. Not content
 
  private:
   struct Free {

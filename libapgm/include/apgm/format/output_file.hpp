@@ -29,6 +29,10 @@ class OutputFile {
   void write(std::span<const std::byte> bytes);
   void write(const std::string& text);
   std::uint64_t size() const;
+  /// Puts all that was written where it will stay, still without a name: what can fail on a full disk has
+  /// failed then. With several outputs: flush all, then commit all. @throws Error{kOutput}
+  void flush();
+  /// Gives the file its name. @throws Error{kOutput}
   void commit();
 
  private:

@@ -42,8 +42,4 @@ class Reader final : public PatchSource {
   std::unique_ptr<State> state_;
 };
 
-/// Names what a file looks like from its first bytes: "png image", "octomap tree", "empty file", ...; nullptr
-/// if nothing is recognised. For messages.
-const char* guess_format(const std::string& path);
-
 }  // namespace apgm

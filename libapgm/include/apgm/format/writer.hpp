@@ -40,7 +40,8 @@ class Writer final : public PatchSink {
   Writer(const std::string& path, const MapHeader& header, const WriterOptions& options = {});
   ~Writer() override;
 
-  bool takes_stored() const override { return true; }
+  /// Unless masses are to be rounded: then every layer must come as cells.
+  bool takes_stored() const override;
   void pack(Parcel& parcel) const override;
   void put(PatchIndex index, std::span<Parcel> parcels) override;
   void finish() override;
