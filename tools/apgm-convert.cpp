@@ -1,13 +1,15 @@
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/App.hpp>
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <set>
 
+#include "apgm/format/output_file.hpp"
 #include "apgm/format/reader.hpp"
 #include "apgm/format/writer.hpp"
 #include "apgm/ops/copy.hpp"
@@ -53,24 +55,81 @@ const Converter* format_of_output(const std::string& path) {
                     "pass --to with one of: " + join(format_names(false)));
 }
 
-/// First bytes of a file. @throws Error{kUnreadable}
-std::string head_of(const std::string& path) {
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), std::fclose);
-  std::array<char, 8> head{};
-  const std::size_t got = file == nullptr ? 0 : std::fread(head.data(), 1, head.size(), file.get());
-  if (file == nullptr || std::ferror(file.get()) != 0) {
-    throw Error(ErrorCode::kUnreadable, fmt::format("cannot open '{}': {}", path, std::strerror(errno)))
-        .at(path);
+constexpr std::size_t kHeadBytes = 4096;
+
+/// First bytes of standard input, which is left as it was; empty where that cannot be done.
+std::string head_of_standard_input() {
+  std::string head(kHeadBytes, '\0');
+  const off_t at = ::lseek(STDIN_FILENO, 0, SEEK_CUR);
+  ssize_t got = at < 0 ? -1 : ::pread(STDIN_FILENO, head.data(), head.size(), at);
+  int copy[2] = {-1, -1};
+  if (at < 0 && ::pipe(copy) == 0) {
+    got = ::tee(STDIN_FILENO, copy[1], head.size(), 0);
+    if (got > 0) got = ::read(copy[0], head.data(), static_cast<std::size_t>(got));
+    ::close(copy[0]);
+    ::close(copy[1]);
   }
-  return {head.data(), got};
+  head.resize(static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
+  return head;
 }
 
-/// @return nullptr for .apgm, and for what is nothing we know: the reader then says what it is
+/// First bytes of an input. @throws Error{kUnreadable}
+std::string head_of(const std::string& path) {
+  if (path == "-") return head_of_standard_input();
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), std::fclose);
+  std::string head(kHeadBytes, '\0');
+  const std::size_t got = file == nullptr ? 0 : std::fread(head.data(), 1, head.size(), file.get());
+  if (file == nullptr || std::ferror(file.get()) != 0) {
+    const int error = errno;
+    throw Error(ErrorCode::kUnreadable, fmt::format("cannot open '{}': {}", path, std::strerror(error)))
+        .hint(error == ENOENT ? "check the name and the directory" : "")
+        .at(path);
+  }
+  head.resize(got);
+  return head;
+}
+
+bool is_text(const std::string& head) {
+  return !head.empty() && std::none_of(head.begin(), head.end(), [](unsigned char c) {
+    return (c < 0x20 && c != '\n' && c != '\r' && c != '\t') || c == 0x7f;
+  });
+}
+
+/// Text that is called YAML gets a message about its YAML.
+const Converter* yaml_by_name(const std::string& path, const std::string& head) {
+  const Converter* converter = converters::find("map_server");
+  return converter != nullptr && converters::for_extension(path) == converter && is_text(head) ? converter
+                                                                                               : nullptr;
+}
+
+[[noreturn]] void fail_unknown(const std::string& path, const std::string& head) {
+  const bool png = head.starts_with("\x89PNG"), pgm = head.starts_with("P2") || head.starts_with("P5");
+  std::string hint = "apgm-convert reads: " + join(format_names(true));
+  if (png || pgm) hint += "; a picture is read by the YAML of its map";
+  Error error(ErrorCode::kForeign, fmt::format("'{}' is of no format apgm-convert reads{}", path,
+                                               head.empty() ? ": it is empty"
+                                               : png        ? ": it is a PNG image"
+                                               : pgm        ? ": it is a PGM image"
+                                                            : ""));
+  throw error.hint(hint).at(path);
+}
+
+/// @return nullptr for .apgm, and for what is called so: the reader then says what is wrong
 const Converter* format_of_input(const std::string& path) {
-  if (path == "-" || head_of(path).starts_with("\x89"
-                                               "APGM"))
-    return nullptr;
-  return converters::sniff(path);
+  constexpr std::string_view kMagic =
+      "\x89"
+      "APGM";
+  const std::string head = head_of(path);
+  if (head.starts_with(kMagic)) return nullptr;
+  const Converter* converter = converters::sniff(path, std::as_bytes(std::span(head)));
+  if (path == "-") {
+    if (converter == nullptr) return nullptr;
+    throw Error(ErrorCode::kUnsupported, fmt::format("{} is not read from standard input", converter->name()))
+        .hint("pass the file by its name");
+  }
+  if (converter == nullptr) converter = yaml_by_name(path, head);
+  if (converter == nullptr && !has_suffix(path, ".apgm")) fail_unknown(path, head);
+  return converter;
 }
 
 std::string format_name(const Converter* converter) {
@@ -181,6 +240,8 @@ class ConvertTool final : public Tool {
     heavy_.check();
     output_.check(session, {input_});
     if (!to) writer_ = format_of_output(output_.path);
+    check_streams();
+    check_values();
     if (writer_ != nullptr && !writing_.given().empty()) {
       throw usage_error(
           fmt::format("{} is for .apgm outputs, not for {}", writing_.given(), writer_->name()));
@@ -230,6 +291,55 @@ class ConvertTool final : public Tool {
     }
   }
 
+  void check_streams() const {
+    if (input_ == "-" && reader_ != nullptr) {
+      throw usage_error(fmt::format("{} is not read from standard input", reader_->name()),
+                        "pass the file by its name");
+    }
+    if (output_.path == "-" && writer_ != nullptr) {
+      throw usage_error(fmt::format("{} is not written to standard output", writer_->name()),
+                        "name a file with -o");
+    }
+  }
+
+  void check_values_of(const Converter* reader) const {
+    using converters::Use;
+    if (reader != nullptr) reader->check_settings(settings_of(reader, true), Use::kReading);
+    if (writer_ != nullptr) writer_->check_settings(settings_of(writer_, false), Use::kWriting);
+  }
+
+  /// Before the input is opened: values that no format it may have takes.
+  void check_values() const {
+    if (from_) return check_values_of(reader_);
+    std::vector<const Converter*> readers{nullptr};
+    for (const Converter* c : converters::all()) {
+      if (c->can_read()) readers.push_back(c);
+    }
+    const Converter* likely = converters::for_extension(input_);
+    std::stable_partition(readers.begin(), readers.end(), [&](const Converter* c) { return c == likely; });
+    std::optional<Error> first;
+    for (const Converter* reader : readers) {
+      std::set<std::string> keys = keys_of(reader, true);
+      keys.merge(keys_of(writer_, false));
+      if (!std::all_of(settings_.begin(), settings_.end(),
+                       [&](const auto& s) { return keys.contains(s.first); }))
+        continue;
+      try {
+        return check_values_of(reader);
+      } catch (const Error& error) {
+        if (!first) first = error;
+      }
+    }
+    if (first) throw *first;
+  }
+
+  /// Nothing that is written may be something that is read.
+  void check_outputs(const std::vector<std::string>& written) const {
+    std::vector<std::string> read{input_};
+    if (reader_ != nullptr) read = reader_->files_read(input_);
+    for (const std::string& output : written) check_not_an_input(output, read);
+  }
+
   Settings settings_of(const Converter* converter, bool reading) const {
     const std::set<std::string> keys = keys_of(converter, reading);
     Settings own;
@@ -252,6 +362,8 @@ class ConvertTool final : public Tool {
     std::set<std::string> keys = keys_of(reader_, true);
     keys.merge(keys_of(writer_, false));
     check_keys(keys, fmt::format("from {} to {} there is not", format_name(reader_), format_name(writer_)));
+    check_values_of(reader_);
+    check_outputs({output_.path});
     const std::unique_ptr<PatchSource> source = open(session);
     step_opened(session, input_, *source);
     session.check_cancelled();
@@ -262,16 +374,26 @@ class ConvertTool final : public Tool {
         {"format", format_name(reader_)},
         {"content_id", source->content_id().empty() ? Json() : Json(source->content_id())}};
     session.result()["output_format"] = format_name(writer_);
-    if (output_.dry_run) return report_dry_run(session, output_);
     RunOptions run = session.run_options(heavy_, "converting");
     run.findings = findings(session);
+    const converters::WriteRequest request = request_for(run);
+    if (writer_ != nullptr) {
+      check_outputs(writer_->files_written(part.header(), request));
+      writer_->check_replaceable(part.header(), request);
+    }
+    if (output_.dry_run) return report_dry_run(session, output_);
     if (writer_ == nullptr) return write_map(session, *source, part, run);
-    write_foreign(session, part, run);
+    write_foreign(session, part, request);
+  }
+
+  converters::WriteRequest request_for(const RunOptions& run) const {
+    const std::string layer = filter_.layers.size() == 1 ? filter_.layers.front() : "";
+    return {output_.path, layer, settings_of(writer_, false), output_.options(), run};
   }
 
   std::unique_ptr<PatchSource> open(Session& session) const {
     if (reader_ == nullptr) return std::make_unique<Reader>(input_);
-    return reader_->open({input_, settings_of(reader_, true), findings(session)});
+    return reader_->open({input_, settings_of(reader_, true), findings(session), heavy_.max_memory_bytes});
   }
 
   Provenance step(const PatchSource& source) const {
@@ -297,10 +419,9 @@ class ConvertTool final : public Tool {
     report_written(session, output_, writer.report());
   }
 
-  void write_foreign(Session& session, const PatchSource& part, const RunOptions& run) {
+  void write_foreign(Session& session, const PatchSource& part, const converters::WriteRequest& request) {
     const Summary summary = part.summary();
-    const std::string layer = filter_.layers.size() == 1 ? filter_.layers.front() : "";
-    writer_->write(part, {output_.path, layer, settings_of(writer_, false), output_.options(), run});
+    writer_->write(part, request);
     if (summary.patches == 0) session.note("the result holds no patches");
     session.result()["output"] = output_.path;
     session.result()["dry_run"] = false;

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <CLI/App.hpp>
+#include <algorithm>
 
 #include "apgm/format/reader.hpp"
 #include "apgm/format/writer.hpp"
@@ -40,7 +41,8 @@ class CropTool final : public Tool {
   void add_options(CLI::App& app) override {
     add_text(app, kRegionGroup, "--bbox", box_, "XMIN,YMIN,XMAX,YMAX", "a box");
     add_text(app, kRegionGroup, "--polygon", polygon_, "FILE.geojson",
-             "an area: Polygon, MultiPolygon, Feature or FeatureCollection; even-odd over all rings");
+             "an area: Polygon, MultiPolygon, Feature or FeatureCollection; even-odd over all rings; '-' is "
+             "standard input");
     add_text(app, kRegionGroup, "--like", like_, "FILE", "the patches another map of the same frame has");
     add_text(app, kRegionGroup, "--snap", snap_, "cell|patch",
              "keep the cells (default) or the whole patches that meet the region");
@@ -66,8 +68,11 @@ class CropTool final : public Tool {
     std::vector<std::string> read{input_};
     if (polygon_) read.push_back(*polygon_);
     if (like_) read.push_back(*like_);
-    if (like_ && *like_ == "-" && input_ == "-") throw usage_error("standard input '-' is named twice");
+    if (std::count(read.begin(), read.end(), "-") > 1) {
+      throw usage_error("standard input '-' is named twice");
+    }
     output_.check(session, read);
+    warn_of_extension(session, output_.path, ".apgm");
   }
 
   void run(Session& session) override {
@@ -76,7 +81,10 @@ class CropTool final : public Tool {
     const Reader source(input_);
     step_opened(session, input_, source);
     std::optional<Reader> like;
-    if (like_) region_.like = &like.emplace(*like_);
+    if (like_) {
+      region_.like = &like.emplace(*like_);
+      check_like(source, *like);
+    }
     MapHeader header = crop_header(source, region_, options_);
     writing_.apply(header, {});
     session.result()["input"] = {{"path", input_}, {"content_id", source.content_id()}};
@@ -94,6 +102,33 @@ class CropTool final : public Tool {
   }
 
  private:
+  void check_like(const Reader& source, const Reader& like) const {
+    const Frame &a = source.header().frame, &b = like.header().frame;
+    if (a == b) return;
+    const auto epsg = [](const Frame& f) {
+      return f.epsg ? std::to_string(*f.epsg) : std::string("unknown");
+    };
+    const auto datum = [](const Frame& f) {
+      return number_text(f.datum_m().x_m) + "," + number_text(f.datum_m().y_m);
+    };
+    std::vector<std::string> faults;
+    if (a.frame_id != b.frame_id) {
+      faults.push_back(fmt::format("frames differ ('{}' and '{}')", a.frame_id, b.frame_id));
+    }
+    if (a.epsg != b.epsg) faults.push_back(fmt::format("EPSG codes differ ({} and {})", epsg(a), epsg(b)));
+    if (a.edge_um != b.edge_um) {
+      faults.push_back(fmt::format("patch edges differ ({} m and {} m)", number_text(a.edge_m()),
+                                   number_text(b.edge_m())));
+    }
+    if (a.datum_x_um != b.datum_x_um || a.datum_y_um != b.datum_y_um) {
+      faults.push_back(fmt::format("datums differ ({} m and {} m)", datum(a), datum(b)));
+    }
+    Error error(ErrorCode::kIncompatible,
+                fmt::format("cannot crop '{}' like '{}': {}", input_, *like_, join(faults)));
+    error.hint("both need the same datum, patch edge, EPSG code and frame id").at(*like_);
+    throw error;
+  }
+
   std::string input_;
   std::optional<std::string> box_, polygon_, like_, snap_;
   CropRegion region_;

@@ -72,12 +72,10 @@ class MergeTool final : public Tool {
     writing_.check();
     heavy_.check();
     output_.check(session, inputs_);
+    warn_of_extension(session, output_.path, ".apgm");
     if (picture_path_) check_picture();
-    for (auto it = inputs_.begin(); it != inputs_.end(); ++it) {
-      if (std::find(inputs_.begin(), it, *it) != it) {
-        session.warning(fmt::format("'{}' is given twice and counts twice", *it));
-      }
-    }
+    if (picture_path_) warn_of_extension(session, *picture_path_, ".png");
+    warn_of_repetition(session);
   }
 
   void run(Session& session) override {
@@ -85,11 +83,11 @@ class MergeTool final : public Tool {
     std::vector<MergeInput> merged;
     Json& result = session.result();
     result["inputs"] = Json::array();
-    for (const std::string& path : inputs_) {
+    for (std::size_t i = 0; i < inputs_.size(); ++i) {
+      const std::string& path = inputs_[i];
       const Reader& reader = readers.emplace_back(path);
       step_opened(session, path, reader);
-      const auto alpha = alphas_.find(path);
-      merged.push_back({&reader, path, alpha == alphas_.end() ? 1.0f : alpha->second});
+      merged.push_back({&reader, path, alphas_[i].value_or(1.0f)});
       result["inputs"].push_back(
           {{"path", path}, {"content_id", reader.content_id()}, {"patches", reader.summary().patches}});
       session.check_cancelled();
@@ -101,6 +99,7 @@ class MergeTool final : public Tool {
     writing_.apply(header, {});
     result["rule"] = to_string(options_.rule);
     result["conflict_map"] = picture_path_ ? Json(*picture_path_) : Json();
+    report_grid(session, header.frame);
     if (output_.dry_run) return report_dry_run(session, output_);
     std::optional<OutputFile> picture;
     if (picture_path_) picture.emplace(*picture_path_, output_.options());
@@ -108,10 +107,15 @@ class MergeTool final : public Tool {
     const MergeReport report = plan.run(writer, session.run_options(heavy_, "merging"));
     if (picture) draw(conflicts, header.frame, *picture);
     session.check_cancelled();
+    if (picture) picture->flush();  // a full disk must show before the map replaces an old one
     writer.finish();
     if (picture) picture->commit();
     result["layers_stored"] = report.layers_stored;
     result["total_conflicts"] = report.total_conflicts;
+    if (report.total_conflicts > 0) {
+      session.warning(fmt::format("{} in total conflict (K = 1) and became unknown",
+                                  plural(report.total_conflicts, "cell was", "cells were")));
+    }
     session.step(fmt::format("{} of {} layers copied as stored, {} in total conflict", report.layers_stored,
                              report.layers, plural(report.total_conflicts, "cell", "cells")));
     report_written(session, output_, writer.report());
@@ -119,13 +123,39 @@ class MergeTool final : public Tool {
 
  private:
   void check_discounts() {
+    alphas_.assign(inputs_.size(), {});
     for (const auto& [path, text] : parse_pairs("--discount", discounts_, true)) {
-      if (std::find(inputs_.begin(), inputs_.end(), path) == inputs_.end()) {
-        throw usage_error(fmt::format("--discount: '{}' is not an input", path),
-                          did_you_mean(path, inputs_, "the inputs: " + join(inputs_)));
+      const auto alpha = static_cast<float>(parse_real("--discount " + path, text, 0, 1));
+      bool known = false;
+      for (std::size_t i = 0; i < inputs_.size(); ++i) {
+        if (!same_file(path, inputs_[i])) continue;
+        if (alphas_[i]) throw usage_error(fmt::format("--discount names '{}' twice", inputs_[i]));
+        alphas_[i] = alpha;
+        known = true;
       }
-      alphas_[path] = static_cast<float>(parse_real("--discount " + path, text, 0, 1));
+      if (known) continue;
+      throw usage_error(fmt::format("--discount: '{}' is not an input", path),
+                        did_you_mean(path, inputs_, "the inputs: " + join(inputs_)));
     }
+  }
+
+  void warn_of_repetition(Session& session) const {
+    for (auto it = inputs_.begin(); it != inputs_.end(); ++it) {
+      const auto first = std::find_if(inputs_.begin(), it, [&](const auto& o) { return same_file(o, *it); });
+      if (first == it) continue;
+      session.warning(*first == *it
+                          ? fmt::format("'{}' is given twice and counts twice", *it)
+                          : fmt::format("'{}' and '{}' are the same file, which counts twice", *first, *it));
+    }
+  }
+
+  void report_grid(Session& session, const Frame& frame) const {
+    const Point datum = frame.datum_m();
+    session.result()["edge_m"] = frame.edge_m();
+    session.result()["datum_m"] = {datum.x_m, datum.y_m};
+    if (!options_.regrid) return;
+    session.step(fmt::format("the result has patches of {} m and the datum ({}, {}) m",
+                             number_text(frame.edge_m()), number_text(datum.x_m), number_text(datum.y_m)));
   }
 
   /// Before a byte is read: the picture is no input, not the map, and can be written.
@@ -152,7 +182,7 @@ class MergeTool final : public Tool {
   }
 
   std::vector<std::string> inputs_, discounts_;
-  std::map<std::string, float> alphas_;
+  std::vector<std::optional<float>> alphas_;  // by input
   std::optional<std::string> rule_, resolution_, picture_path_;
   MergeOptions options_;
   OutputChoice output_;

@@ -3,6 +3,7 @@
 #include <CLI/App.hpp>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "apgm/format/output_file.hpp"
 #include "apgm/format/reader.hpp"
@@ -16,8 +17,9 @@
 namespace apgm::tools {
 namespace {
 
-constexpr int kLeastGridPx = 16;  // patches below this are drawn without squares
-constexpr int kForcedGridPx = 4;  // with --grid
+constexpr int kLeastGridPx = 16;      // patches below this are drawn without squares
+constexpr int kForcedGridPx = 4;      // with --grid
+constexpr std::uint64_t kCopies = 4;  // of a picture that are held on its way to PNG, at most
 
 std::vector<std::string> colormap_names() {
   std::vector<std::string> names;
@@ -84,15 +86,18 @@ class RenderTool final : public Tool {
     options_.min_patch_px = grid_ ? kForcedGridPx : kLeastGridPx;
     heavy_.check();
     output_.check(session, inputs);
+    warn_of_extension(session, output_.path, ".png");
   }
 
   void run(Session& session) override {
     const Reader source(input_);
-    choose_layer(source);
+    choose_layer(session, source);
     RunOptions run = session.run_options(heavy_, "drawing");
-    run.max_memory_bytes /= 4;  // a picture is held up to four times on its way to PNG
+    if (run.max_memory_bytes > 0) {
+      run.max_memory_bytes = std::max<std::uint64_t>(1, run.max_memory_bytes / kCopies);
+    }
     // A map without types is empty: there is nothing to ask of it.
-    Rendering rendering = source.header().types.empty() ? Rendering{} : render(source, options_, run);
+    Rendering rendering = source.header().types.empty() ? Rendering{} : draw(source, run);
     if (no_grid_) rendering.patch_px = 0;
     if (rendering.layers == 0) {
       session.note(fmt::format("'{}' holds no data {}: the picture shows none", input_,
@@ -109,7 +114,41 @@ class RenderTool final : public Tool {
   }
 
  private:
-  void choose_layer(const Reader& source) {
+  Rendering draw(const Reader& source, const RunOptions& run) const {
+    try {
+      return render(source, options_, run);
+    } catch (const Error& error) {
+      throw in_our_units(error, source);
+    }
+  }
+
+  /// The library's budget is a part of --max-memory, and its limit is told in bytes.
+  Error in_our_units(const Error& error, const Reader& source) const {
+    if (error.code() != ErrorCode::kLimit || heavy_.max_memory_bytes == 0) return error;
+    const Summary summary = source.summary();
+    std::uint64_t layer_bytes = 0;
+    for (std::size_t step = 0; step < summary.types[options_.type].layers_at.size(); ++step) {
+      if (summary.types[options_.type].layers_at[step] == 0) continue;
+      layer_bytes = (std::uint64_t{1} << (2 * step)) * source.header().types[options_.type].channels.size() *
+                    sizeof(float);
+    }
+    unsigned long long picture = 0;
+    std::uint64_t need = heavy_.max_memory_bytes;
+    if (std::sscanf(error.what(), "the picture takes %llu bytes", &picture) == 1) {
+      need = kCopies * (picture + 2 * layer_bytes);
+    } else if (error.message().find("memory budget") != std::string::npos) {
+      need += kCopies * 2 * layer_bytes;
+    } else {
+      return error;
+    }
+    const std::uint64_t mebibytes = (need >> 20) + 1;
+    Error out(ErrorCode::kLimit, fmt::format("drawing takes up to {} MiB of memory, --max-memory allows {}",
+                                             mebibytes, size_text(heavy_.max_memory_bytes)));
+    out.hint(fmt::format("pass --max-memory {}MiB, a larger --scale or a smaller --bbox", mebibytes));
+    return out;
+  }
+
+  void choose_layer(Session& session, const Reader& source) {
     const TypeTable& types = source.header().types;
     if (!layers_.empty()) {
       const auto found = types.find(layers_.front());
@@ -117,6 +156,7 @@ class RenderTool final : public Tool {
       options_.type = *found;
     } else {
       options_.type = default_layer(source);
+      tell_choice(session, source);
     }
     if (types.empty()) return;
     if (channel_) choose_channel(types[options_.type]);
@@ -143,6 +183,22 @@ class RenderTool final : public Tool {
       if (rank(static_cast<TypeId>(id)) > rank(best)) best = static_cast<TypeId>(id);
     }
     return best;
+  }
+
+  /// Slices of one height each look alike: which of them is drawn must be said.
+  void tell_choice(Session& session, const Reader& source) const {
+    const TypeTable& types = source.header().types;
+    if (types.empty() || !types[options_.type].is_occupancy()) return;
+    const Summary summary = source.summary();
+    std::uint64_t others = 0;
+    for (std::size_t id = 0; id < types.size(); ++id) {
+      const bool other = id != options_.type && types[static_cast<TypeId>(id)].is_occupancy();
+      if (other && summary.types[id].layers > 0) ++others;
+    }
+    if (others == 0) return;
+    session.note(fmt::format("layer '{}' is drawn; the map has {}, drawn with --layer",
+                             types[options_.type].name,
+                             plural(others, "other occupancy layer", "other occupancy layers")));
   }
 
   void choose_channel(const LayerType& type) {

@@ -23,13 +23,14 @@ std::string read_file(const std::string& path, std::uint64_t max_bytes) {
   if (path == "-") fail(path, "this format is not read from standard input", "pass a file");
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
-  if (!fs::exists(status)) fail(path, "no such file");
+  if (!fs::exists(status)) fail(path, "no such file", "check the name and the directory");
   if (!fs::is_regular_file(status)) fail(path, "not a regular file");
   const std::uintmax_t size = fs::file_size(path, error);
   if (error) fail(path, error.message());
   if (size > max_bytes) {
     throw Error(ErrorCode::kLimit, "'" + path + "' has " + std::to_string(size) + " bytes, more than the " +
-                                       std::to_string(max_bytes) + " this format is read with")
+                                       std::to_string(max_bytes) + " it may have")
+        .hint("raise --max-memory if it is set; else cut the file smaller")
         .at(path);
   }
   std::ifstream in(path, std::ios::binary);

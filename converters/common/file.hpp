@@ -15,13 +15,13 @@ std::string read_file(const std::string& path, std::uint64_t max_bytes);
 /// The extension in lower case with its dot: ".bt"; empty if there is none.
 std::string extension_of(const std::string& path);
 
-/// Calls `action`; an Error that leaves it names the file.
+/// Calls `action`; an Error that leaves it names the file, unless the caller's own value is to blame.
 template <class Action>
 auto naming(const std::string& path, Action action) {
   try {
     return action();
   } catch (Error& error) {
-    error.at(path);
+    if (error.code() != ErrorCode::kInvalidArgument) error.at(path);
     throw;
   }
 }

@@ -118,8 +118,14 @@ GridFit fit_grid(const ForeignGrid& grid, const SettingsReader& settings, const 
 }
 
 std::unique_ptr<PatchSource> place(std::unique_ptr<PatchSource> native, const ForeignGrid& grid,
-                                   const GridFit& fit) {
+                                   const GridFit& fit, const Findings& findings) {
   if (!fit.target) return native;
+  if (findings && native->summary().patches > 0) {
+    findings({Finding::Kind::kLoss,
+              grid.yaw_rad != 0
+                  ? "the map is turned: its cells are regridded by area weights"
+                  : "edge_m or datum is not on whole cells: the cells are regridded by area weights"});
+  }
   RigidMotion motion;
   motion.yaw_rad = grid.yaw_rad;
   motion.pivot_m = fit.native.datum_m();

@@ -38,8 +38,9 @@ struct GridFit {
 /// @throws Error{kInvalidArgument|kLimit} on settings or sizes that cannot be used
 GridFit fit_grid(const ForeignGrid& grid, const SettingsReader& settings, const Findings& findings);
 
-/// `native` as it is, or regridded to `fit.target` by area weights; owns what it needs.
+/// `native` as it is, or regridded to `fit.target` by area weights; owns what it needs. Regridding
+/// cells is a kLoss finding.
 std::unique_ptr<PatchSource> place(std::unique_ptr<PatchSource> native, const ForeignGrid& grid,
-                                   const GridFit& fit);
+                                   const GridFit& fit, const Findings& findings);
 
 }  // namespace apgm::converters

@@ -1,6 +1,7 @@
 #include "converters/common/listed_source.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "apgm/core/error.hpp"
 
@@ -34,7 +35,13 @@ std::unique_ptr<PatchCursor> ListedSource::patches(const std::optional<PatchRang
 }
 
 void ListedSource::list(std::vector<PatchIndex> patches) {
-  std::ranges::sort(patches, {}, curve_key);
+  // The key is worth computing once a patch, not once a comparison.
+  std::vector<std::pair<std::uint64_t, PatchIndex>> keyed;
+  keyed.reserve(patches.size());
+  for (const PatchIndex patch : patches) keyed.emplace_back(curve_key(patch), patch);
+  std::ranges::sort(keyed);
+  for (std::size_t i = 0; i < keyed.size(); ++i) patches[i] = keyed[i].second;
+  keyed = {};
   summary_ = Summary();
   summary_.types.resize(header_.types.size());
   std::vector<LayerInfo> layers;
@@ -55,12 +62,12 @@ void ListedSource::list(std::vector<PatchIndex> patches) {
 }
 
 PatchMarks::PatchMarks(const PatchRange& range) : range_(range) {
-  constexpr std::int64_t kMaxPatches = std::int64_t{1} << 26;
+  constexpr std::int64_t kMaxPatches = std::int64_t{1} << 22;
   if (range.empty()) return;
   width_ = std::int64_t{range.max.x} - range.min.x + 1;
   const std::int64_t height = std::int64_t{range.max.y} - range.min.y + 1;
   if (width_ > kMaxPatches / height) {
-    throw Error(ErrorCode::kLimit, "the map covers more than 2^26 patches").hint("set a larger edge_m");
+    throw Error(ErrorCode::kLimit, "the map covers more than 2^22 patches").hint("set a larger edge_m");
   }
   marks_.resize(static_cast<std::size_t>(width_ * height));
 }

@@ -33,7 +33,7 @@ class ListedSource : public PatchSource {
 /// A set of patches as a bitmap over a range that is known beforehand.
 class PatchMarks {
  public:
-  /// @throws Error{kLimit} if the range holds more than 2^26 patches
+  /// @throws Error{kLimit} if the range holds more than 2^22 patches
   explicit PatchMarks(const PatchRange& range);
   /// Marks all patches of `part`, which lies in the range.
   void mark(const PatchRange& part);

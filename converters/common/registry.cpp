@@ -33,15 +33,19 @@ const Converter* find(std::string_view name) {
   return it == list.end() ? nullptr : *it;
 }
 
+const Converter* sniff(const std::string& path, std::span<const std::byte> head) {
+  for (const Converter* converter : all()) {
+    if (converter->can_read() && converter->sniffs(path, head)) return converter;
+  }
+  return nullptr;
+}
+
 const Converter* sniff(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   std::array<char, 4096> head{};
   in.read(head.data(), head.size());
   const auto bytes = std::as_bytes(std::span(head.data(), static_cast<std::size_t>(in.gcount())));
-  for (const Converter* converter : all()) {
-    if (converter->can_read() && converter->sniffs(path, bytes)) return converter;
-  }
-  return nullptr;
+  return sniff(path, bytes);
 }
 
 const Converter* for_extension(const std::string& path) {

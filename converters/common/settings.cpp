@@ -96,6 +96,50 @@ void read_names(const SettingsReader& settings, Frame& frame) {
   }
 }
 
+namespace {
+
+/// Bytes of the UTF-8 sequence `text` starts with; 0 if that is none.
+std::size_t utf8_bytes(std::string_view text) {
+  const auto at = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+  const unsigned first = at(0);
+  const std::size_t bytes = first < 0x80   ? 1
+                            : first < 0xc2 ? 0
+                            : first < 0xe0 ? 2
+                            : first < 0xf0 ? 3
+                            : first < 0xf5 ? 4
+                                           : 0;
+  if (bytes > text.size()) return 0;
+  for (std::size_t i = 1; i < bytes; ++i) {
+    if ((at(i) & 0xc0u) != 0x80) return 0;
+  }
+  if (bytes < 2) return bytes;
+  const unsigned second = at(1);
+  const bool bad = (first == 0xc2 && second < 0xa0) ||  // a control character
+                   (first == 0xe0 && second < 0xa0) || (first == 0xed && second > 0x9f) ||
+                   (first == 0xf0 && second < 0x90) || (first == 0xf4 && second > 0x8f);
+  return bad ? 0 : bytes;
+}
+
+}  // namespace
+
+std::string printable(std::string_view text) {
+  constexpr std::size_t kMostBytes = 80;
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string out;
+  std::size_t at = 0;
+  while (at < text.size() && at < kMostBytes) {
+    const auto byte = static_cast<unsigned char>(text[at]);
+    const std::size_t bytes = byte < 0x20 || byte == 0x7f ? 0 : utf8_bytes(text.substr(at));
+    if (bytes == 0) {
+      out += {'\\', 'x', kDigits[byte >> 4], kDigits[byte & 15u]};
+    } else {
+      out += text.substr(at, bytes);
+    }
+    at += std::max<std::size_t>(bytes, 1);
+  }
+  return at < text.size() ? out + "..." : out;
+}
+
 std::optional<double> parse_number(std::string_view text) {
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);

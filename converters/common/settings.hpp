@@ -17,7 +17,7 @@ namespace apgm::converters {
 /// All members throw Error{kInvalidArgument} that names the key, the value and what would do.
 class SettingsReader {
  public:
-  enum class Use { kReading, kWriting };
+  using Use = converters::Use;
   /// @throws Error{kInvalidArgument} on a key the converter does not list for this use, with the list as hint
   SettingsReader(const Converter& converter, const Settings& settings, Use use);
 
@@ -46,6 +46,10 @@ std::vector<SettingSpec> frame_settings();
 
 /// Takes frame_id and epsg into `frame`; datum and edge_m are for fit_grid (grid_fit.hpp).
 void read_names(const SettingsReader& settings, Frame& frame);
+
+/// Bytes of a file for a message: control characters and what is not UTF-8 become \xNN, more than 80 bytes
+/// are cut.
+std::string printable(std::string_view text);
 
 /// A finite double from the whole of `text`; nullopt if it is none.
 std::optional<double> parse_number(std::string_view text);

@@ -76,7 +76,8 @@ GridValue CellRule::value_of(const Pixel& pixel, bool has_alpha) const {
   if (mode == MapMode::kScale && has_alpha && pixel.alpha != 65535) return kUnknown;
   if (occupied_thresh < occupancy) return kOccupied;
   if (occupancy < free_thresh) return kFree;
-  if (mode == MapMode::kTrinary) return kUnknown;
+  // Between equal thresholds there is no scale.
+  if (mode == MapMode::kTrinary || !(free_thresh < occupied_thresh)) return kUnknown;
   const double scaled = std::rint((occupancy - free_thresh) / (occupied_thresh - free_thresh) * 100.0);
   return static_cast<GridValue>(std::clamp<double>(scaled, kFree, kOccupied));
 }

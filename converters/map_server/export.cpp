@@ -14,6 +14,8 @@
 namespace apgm::converters {
 namespace {
 
+constexpr std::array<std::string_view, 2> kImages{"pgm", "png"};
+
 /// Cells of the finest step, counted from the datum: [x0, x1) x [y0, y1).
 struct CellBox {
   std::int64_t x0 = std::numeric_limits<std::int64_t>::max(), y0 = x0;
@@ -54,6 +56,10 @@ CellRule rule_of(const MapHeader& header, const SettingsReader& settings) {
   rule.negate = settings.flag("negate").value_or(rule.negate);
   rule.occupied_thresh = settings.number("occupied_thresh", 0, 1).value_or(rule.occupied_thresh);
   rule.free_thresh = settings.number("free_thresh", 0, 1).value_or(rule.free_thresh);
+  if (rule.free_thresh > rule.occupied_thresh) {
+    settings.refuse(settings.has("free_thresh") ? "free_thresh" : "occupied_thresh",
+                    "puts free_thresh above occupied_thresh");
+  }
   return rule;
 }
 
@@ -207,43 +213,89 @@ MapYaml yaml_of(const Frame& frame, int step, const CellBox& extent, const CellR
   return map;
 }
 
-}  // namespace
+/// What is written, as far as the map's header and the settings tell.
+struct Plan {
+  CellRule rule;
+  bool png = false;
+  std::filesystem::path picture;
+};
 
-void export_map(const PatchSource& source, const WriteRequest& request, const SettingsReader& settings) {
-  static constexpr std::array<std::string_view, 2> kImages{"pgm", "png"};
-  namespace fs = std::filesystem;
-  const std::string extension = extension_of(request.path);
+Plan plan_of(const MapHeader& header, const std::string& path, const SettingsReader& settings) {
+  const std::string extension = extension_of(path);
   if (extension != ".yaml" && extension != ".yml") {
-    throw Error(ErrorCode::kInvalidArgument, "'" + request.path + "' does not end in .yaml or .yml")
+    throw Error(ErrorCode::kInvalidArgument, "'" + path + "' does not end in .yaml or .yml")
         .hint("a map is FILE.yaml with FILE.pgm or FILE.png beside it");
   }
-  const CellRule rule = rule_of(source.header(), settings);
-  const bool alpha = rule.mode == MapMode::kScale;
+  Plan plan;
+  plan.rule = rule_of(header, settings);
+  const bool alpha = plan.rule.mode == MapMode::kScale;
   const std::string image = settings.choice("image", kImages).value_or(alpha ? "png" : "pgm");
   if (alpha && image == "pgm")
     settings.refuse("image", "cannot hold unknown cells in mode scale, which PNG can");
-  const GreyTable greys = grey_table(rule);
+  plan.png = image == "png";
+  plan.picture = std::filesystem::path(path).replace_extension(image);
+  return plan;
+}
 
+}  // namespace
+
+void check_picture(const std::string& yaml, const std::string& picture, const OutputOptions& output) {
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  if (!fs::exists(fs::symlink_status(picture, ignored))) return;
+  Error error(ErrorCode::kOutput, "picture '" + picture + "' already exists");
+  error.at(picture);
+  if (!output.overwrite) throw error.hint("pass --overwrite to replace a map with its picture");
+  const auto own = picture_of(yaml);
+  if (own && (fs::path(*own).lexically_normal() == fs::path(picture).lexically_normal() ||
+              fs::equivalent(*own, picture, ignored)))
+    return;
+  throw Error(ErrorCode::kOutput,
+              "picture '" + picture + "' already exists, and is not that of '" + yaml + "'")
+      .hint("choose another name, or remove the picture")
+      .at(picture);
+}
+
+void check_export_settings(const SettingsReader& settings) {
+  const auto mode = settings.choice("mode", kMapModes), image = settings.choice("image", kImages);
+  settings.flag("negate");
+  const auto occupied = settings.number("occupied_thresh", 0, 1), free = settings.number("free_thresh", 0, 1);
+  if (occupied && free && *free > *occupied) settings.refuse("free_thresh", "lies above occupied_thresh");
+  if (mode == "scale" && image == "pgm")
+    settings.refuse("image", "cannot hold unknown cells in mode scale, which PNG can");
+}
+
+std::vector<std::string> exported_files(const MapHeader& header, const WriteRequest& request,
+                                        const SettingsReader& settings) {
+  return {request.path, plan_of(header, request.path, settings).picture.string()};
+}
+
+void export_map(const PatchSource& source, const WriteRequest& request, const SettingsReader& settings) {
+  const Plan plan = plan_of(source.header(), request.path, settings);
+  const CellRule& rule = plan.rule;
+  const GreyTable greys = grey_table(rule);
   const auto type = choose_occupancy(source, request.layer);
   const std::vector<TypeId> chosen = type ? std::vector<TypeId>{*type} : std::vector<TypeId>{};
   const int step = finest_step(source.summary(), chosen);
-  const fs::path picture_path = fs::path(request.path).replace_extension(image);
-  OutputFile picture(picture_path.string(), request.output);
+  check_picture(request.path, plan.picture.string(), request.output);
+  OutputFile picture(plan.picture.string(), request.output);
   OutputFile yaml(request.path, request.output);
 
   const CellBox extent = extent_of(source, type, step, request.run);
   Valuer valuer(source.header(), rule);
   const CellRaster raster = paint(source, type, step, extent, valuer, request.run);
-  if (image == "png") {
-    write_raster_png(picture, raster, greys, alpha);
+  if (plan.png) {
+    write_raster_png(picture, raster, greys, rule.mode == MapMode::kScale);
   } else {
     write_pgm(picture, raster, greys);
   }
   MapYaml map = yaml_of(source.header().frame, step, extent, rule);
-  map.image = picture_path.filename().string();
+  map.image = plan.picture.filename().string();
   yaml.write(to_text(map));
   report(valuer, rule, request.run.findings);
   report_left_out(source, chosen, request.run.findings);
+  picture.flush();
+  yaml.flush();
   // The YAML last: a map that can be found is whole.
   picture.commit();
   yaml.commit();

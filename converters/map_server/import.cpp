@@ -52,7 +52,15 @@ void report_even(const CellRaster& cells, MapMode mode, const Findings& findings
 
 }  // namespace
 
+void check_import_settings(const SettingsReader& settings) {
+  settings.choice("mode", kMapModes);
+  settings.number("occupied_mass", 1e-6, 1);
+  settings.number("free_mass", 1e-6, 1);
+  fit_grid({1.0, {}, 0}, settings, {});
+}
+
 std::unique_ptr<PatchSource> import_map(const ReadRequest& request, const SettingsReader& settings) {
+  check_import_settings(settings);
   const auto mode = settings.choice("mode", kMapModes);
   const double occupied_mass = settings.number("occupied_mass", 1e-6, 1).value_or(kTrinaryMass);
   const double free_mass = settings.number("free_mass", 1e-6, 1).value_or(kTrinaryMass);
@@ -71,9 +79,11 @@ std::unique_ptr<PatchSource> import_map(const ReadRequest& request, const Settin
   try {
     cells = read_cells(picture, map.rule);
   } catch (Error& error) {
-    throw Error(error.code(), "picture '" + picture + "' of '" + request.path + "': " + error.message())
-        .hint(error.hint())
-        .at(picture, error.offset_bytes());
+    const bool missing = error.code() == ErrorCode::kUnreadable;
+    throw Error(error.code(),
+                "picture '" + printable(map.image) + "' of '" + request.path + "': " + error.message())
+        .hint(missing ? "key 'image' of the YAML names it, seen from the YAML's directory" : error.hint())
+        .at(printable(picture), error.offset_bytes());
   }
   report_even(cells, map.rule.mode, request.findings);
   auto metadata = metadata_of(map, cells, fit, occupied_mass, free_mass);
@@ -81,7 +91,7 @@ std::unique_ptr<PatchSource> import_map(const ReadRequest& request, const Settin
     return std::make_unique<PictureSource>(std::move(cells), beliefs_of(map.rule, occupied_mass, free_mass),
                                            fit, std::move(metadata));
   });
-  return place(std::move(native), grid, fit);
+  return place(std::move(native), grid, fit, request.findings);
 }
 
 }  // namespace apgm::converters

@@ -44,6 +44,22 @@ class MapServerConverter final : public Converter {
   bool sniffs(std::string_view /*path*/, std::span<const std::byte> head) const override {
     return is_map_yaml({reinterpret_cast<const char*>(head.data()), head.size()});
   }
+  void check_settings(const Settings& given, Use use) const override {
+    const SettingsReader settings(*this, given, use);
+    use == Use::kReading ? check_import_settings(settings) : check_export_settings(settings);
+  }
+  std::vector<std::string> files_read(const std::string& path) const override {
+    std::vector<std::string> files{path};
+    if (const auto picture = picture_of(path)) files.push_back(*picture);
+    return files;
+  }
+  std::vector<std::string> files_written(const MapHeader& header,
+                                         const WriteRequest& request) const override {
+    return exported_files(header, request, SettingsReader(*this, request.settings, Use::kWriting));
+  }
+  void check_replaceable(const MapHeader& header, const WriteRequest& request) const override {
+    check_picture(request.path, files_written(header, request).back(), request.output);
+  }
   std::unique_ptr<PatchSource> open(const ReadRequest& request) const override {
     return import_map(request, SettingsReader(*this, request.settings, SettingsReader::Use::kReading));
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -24,6 +25,8 @@ MapYaml read_map_yaml(const std::string& path);
 std::string to_text(const MapYaml& map);
 /// The picture's path: `image` itself if absolute, else beside the YAML file.
 std::string image_path(const std::string& yaml_path, const std::string& image);
+/// Path of the picture a YAML file names; nullopt if there is no such file, or none that names one.
+std::optional<std::string> picture_of(const std::string& yaml_path);
 /// True if the text looks like a map's YAML: keys `image` and `resolution` at line starts.
 bool is_map_yaml(std::string_view head);
 

@@ -8,9 +8,9 @@
 namespace apgm::converters {
 
 void check_pixels(std::int64_t width, std::int64_t height) {
-  if (width <= kMaxPixels / height) return;
+  if (width <= kMaxSide && height <= kMaxSide && width <= kMaxPixels / height) return;
   throw Error(ErrorCode::kLimit, "the picture has " + std::to_string(width) + " x " + std::to_string(height) +
-                                     " pixels, more than 2^31")
+                                     " pixels; the limits are 2^20 a side and 2^31 in all")
       .hint("crop it");
 }
 

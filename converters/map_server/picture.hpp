@@ -30,7 +30,9 @@ struct PictureSink {
 
 /// Most pixels of a picture that is read or written: 2^31.
 inline constexpr std::int64_t kMaxPixels = std::int64_t{1} << 31;
-/// @throws Error{kLimit} above kMaxPixels
+/// A row is held in memory whole: a tiny file must not ask for a huge one. libpng's own default is a million.
+inline constexpr std::int64_t kMaxSide = std::int64_t{1} << 20;
+/// @throws Error{kLimit} above kMaxPixels or kMaxSide
 void check_pixels(std::int64_t width, std::int64_t height);
 
 /// PGM (P2, P5; 1 to 65535 grey values) and PNG (any). The size is checked against the bytes before `begin`.

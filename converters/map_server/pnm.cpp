@@ -60,12 +60,12 @@ Pixel grey(std::int64_t value, std::int64_t max) {
 }  // namespace
 
 void read_pnm(std::string_view bytes, const PictureSink& sink) {
-  constexpr std::int64_t kMaxSide = 0x7fffffff;
+  constexpr std::int64_t kMostDigits = 0x7fffffff;
   const bool text = bytes[1] == '2';
   Numbers numbers(bytes, 2);
   PictureInfo info;
-  info.width = numbers.next(1, kMaxSide, "a width");
-  info.height = numbers.next(1, kMaxSide, "a height");
+  info.width = numbers.next(1, kMostDigits, "a width");
+  info.height = numbers.next(1, kMostDigits, "a height");
   const std::int64_t max = numbers.next(1, 65535, "a greatest grey value");
   check_pixels(info.width, info.height);
 

@@ -234,7 +234,9 @@ void export_octree(const PatchSource& source, const WriteRequest& request, const
   if (x && y) {
     export_aligned(source, *x, *y, step, chosen, request, settings, file);
   } else {
-    if (request.run.findings) {
+    const Summary summary = source.summary();
+    const bool any = std::ranges::any_of(chosen, [&](TypeId type) { return summary.types[type].layers > 0; });
+    if (any && request.run.findings) {
       request.run.findings(
           {Finding::Kind::kLoss, "the octree's origin lies between cells: the map is regridded"});
     }

@@ -10,6 +10,8 @@
 namespace apgm::converters {
 namespace {
 
+constexpr std::array<std::string_view, 2> kModes{"projection", "slices"};
+
 /// Keys of the voxels whose centre lies in [z_min, z_max).
 KeyRange heights_of(const SettingsReader& settings, double resolution_m) {
   constexpr double kEnd = 1 << kTreeDepth;
@@ -56,21 +58,29 @@ class OctomapConverter final : public Converter {
     return is_octree({reinterpret_cast<const char*>(head.data()), head.size()});
   }
 
-  std::unique_ptr<PatchSource> open(const ReadRequest& request) const override {
-    static constexpr std::array<std::string_view, 2> kModes{"projection", "slices"};
-    const SettingsReader settings(*this, request.settings, SettingsReader::Use::kReading);
-    const auto mode = settings.choice("mode", kModes).value_or("projection");
-    // Bad settings are refused before a large file is read.
-    fit_grid({1.0, {}, 0}, settings, {});
+  void check_settings(const Settings& given, Use use) const override {
+    const SettingsReader settings(*this, given, use);
     heights_of(settings, 1.0);
+    if (use == Use::kWriting) {
+      settings.point("origin");
+      return;
+    }
+    settings.choice("mode", kModes);
+    fit_grid({1.0, {}, 0}, settings, {});
+  }
+
+  std::unique_ptr<PatchSource> open(const ReadRequest& request) const override {
+    check_settings(request.settings, Use::kReading);  // before a large file is read
+    const SettingsReader settings(*this, request.settings, Use::kReading);
+    const auto mode = settings.choice("mode", kModes).value_or("projection");
     return naming(request.path, [&] {
-      auto tree = read_octree(request.path);
+      auto tree = read_octree(request.path, request.max_memory_bytes);
       const ForeignGrid grid{tree->getResolution(), {}, 0};
       const GridFit fit = fit_grid(grid, settings, request.findings);
       auto native = std::make_unique<OctreeSource>(
           std::move(tree), fit, mode == "slices" ? OctreeMode::kSlices : OctreeMode::kProjection,
           heights_of(settings, grid.cell_m), request.findings);
-      return place(std::move(native), grid, fit);
+      return place(std::move(native), grid, fit, request.findings);
     });
   }
 

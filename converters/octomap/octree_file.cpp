@@ -2,6 +2,7 @@
 
 #include <octomap/OcTree.h>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <charconv>
@@ -59,7 +60,7 @@ class HeaderWords {
 
 void check_id(std::string_view id) {
   if (id == "OcTree") return;
-  throw Error(ErrorCode::kUnsupported, "the octree is of type '" + std::string(id.substr(0, 64)) + "'")
+  throw Error(ErrorCode::kUnsupported, "the octree is of type '" + printable(id) + "'")
       .hint("only OcTree is read; OctoMap can save other trees as .bt, which keeps free and occupied");
 }
 
@@ -145,6 +146,17 @@ std::uint64_t walk_full(std::string_view bytes, std::size_t at) {
   return nodes;
 }
 
+void check_memory(const OctreeHeader& header, std::uint64_t file_bytes, std::uint64_t max_memory_bytes) {
+  constexpr std::uint64_t kBytesPerNode = 64;  // a node, its array of children, and what malloc adds
+  if (max_memory_bytes == 0) return;
+  const std::uint64_t left = max_memory_bytes - std::min(file_bytes, max_memory_bytes);
+  if (header.nodes <= left / kBytesPerNode) return;
+  throw Error(ErrorCode::kLimit, "the octree's " + std::to_string(header.nodes) + " nodes need about " +
+                                     std::to_string((header.nodes * kBytesPerNode + file_bytes) >> 20) +
+                                     " MiB, more than --max-memory allows")
+      .hint("an octree is held in memory as a whole: raise --max-memory, or prune the octree");
+}
+
 /// Reads from memory without a copy.
 class MemoryBuffer final : public std::streambuf {
  public:
@@ -202,11 +214,13 @@ void check_octree_nodes(std::string_view bytes, const OctreeHeader& header) {
   }
 }
 
-std::unique_ptr<::octomap::OcTree> read_octree(const std::string& path) {
-  std::string bytes = read_file(path, std::numeric_limits<std::uint64_t>::max());
+std::unique_ptr<::octomap::OcTree> read_octree(const std::string& path, std::uint64_t max_memory_bytes) {
+  std::string bytes =
+      read_file(path, max_memory_bytes > 0 ? max_memory_bytes : std::numeric_limits<std::uint64_t>::max());
   try {
     const OctreeHeader header = parse_octree_header(bytes);
     check_octree_nodes(bytes, header);
+    check_memory(header, bytes.size(), max_memory_bytes);
     auto tree = std::make_unique<::octomap::OcTree>(header.resolution_m);
     if (header.nodes == 0) return tree;
     MemoryBuffer buffer(bytes, header.data_at);

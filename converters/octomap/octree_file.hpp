@@ -37,8 +37,9 @@ OctreeHeader parse_octree_header(std::string_view bytes);
 void check_octree_nodes(std::string_view bytes, const OctreeHeader& header);
 
 /// Reads and checks a whole file, then has OctoMap build the tree.
-/// @throws Error{kUnreadable|kForeign|kUnsupported|kDamaged}
-std::unique_ptr<::octomap::OcTree> read_octree(const std::string& path);
+/// @param max_memory_bytes  bound of the file and the tree, 64 bytes a node; 0: none
+/// @throws Error{kUnreadable|kForeign|kUnsupported|kDamaged|kLimit}
+std::unique_ptr<::octomap::OcTree> read_octree(const std::string& path, std::uint64_t max_memory_bytes = 0);
 
 /// The file of a tree, with the resolution in as many digits as it needs.
 std::string octree_bytes(const ::octomap::OcTree& tree, bool binary);

@@ -38,8 +38,17 @@ TEST(ParseTest, SizesTakeDecimalAndBinaryUnits) {
   EXPECT_EQ(parse_size("--m", "512MiB"), 536'870'912u);
   EXPECT_EQ(parse_size("--m", "2 tib"), std::uint64_t{1} << 41);
   EXPECT_EQ(parse_size("--m", "64kB"), 64'000u);
-  for (const char* bad : {"", "GB", "1G", "1.5.5MB", "-1MB", "0", "1e30", "99999999999TiB", "12 parsecs"}) {
+  EXPECT_EQ(parse_size("--m", "64k"), 65'536u);
+  EXPECT_EQ(parse_size("--m", "1.5G"), std::uint64_t{3} << 29);
+  for (const char* bad : {"", "GB", "1.5.5MB", "1Ki", "-1MB", "0", "1e30", "99999999999TiB", "12 parsecs"}) {
     EXPECT_THROW(parse_size("--m", bad), Error) << bad;
+  }
+}
+
+TEST(ParseTest, BoxesMayHoldBlanks) {
+  EXPECT_EQ(parse_box("--bbox", "-10, 0 ,  90.5, 60"), (Box{{-10, 0}, {90.5, 60}}));
+  for (const char* bad : {"0,0,1 0,1", "0,0, ,1", "0,0,5e9,1", "-4.1e9,0,1,1"}) {
+    EXPECT_THROW(parse_box("--bbox", bad), Error) << bad;
   }
 }
 
@@ -190,6 +199,20 @@ TEST(GeojsonTest, HostileTextIsRefused) {
             R"({"type":"FeatureCollection","features":[{"type":"FeatureCollection","features":[]}]})"),
         std::string(R"({"type":"MultiPolygon","coordinates":{"a":1}})")}) {
     EXPECT_THROW(parse_geojson(text, "f"), Error) << text.substr(0, 80);
+  }
+}
+
+TEST(GeojsonTest, NumbersOutOfRangeNameTheFile) {
+  for (const char* number : {"1e999", "5e9"}) {
+    const std::string text =
+        std::string(R"({"type":"Polygon","coordinates":[[[0,0],[)") + number + ",0],[1,1]]]}";
+    try {
+      parse_geojson(text, "area.geojson");
+      FAIL() << number;
+    } catch (const Error& error) {
+      EXPECT_THAT(error.message(), HasSubstr("'area.geojson'"));
+      EXPECT_THAT(error.hint(), HasSubstr("GeoJSON"));
+    }
   }
 }
 

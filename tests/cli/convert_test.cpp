@@ -83,8 +83,7 @@ TEST_F(ConvertCliTest, MapOptionsNeedAMap) {
 
 TEST_F(ConvertCliTest, ForeignFileWithoutAConverter) {
   put("a.png", "\x89PNG\r\n\x1a\n");
-  expect_failure(convert({"a.png", "-o", "b.apgm"}), 4, "PNG image",
-                 "apgm-convert reads: octomap, map_server");
+  expect_failure(convert({"a.png", "-o", "b.apgm"}), 4, "PNG image", "apgm-convert reads: apgm");
 }
 
 class OctomapCliTest : public ConvertCliTest {
@@ -136,6 +135,118 @@ TEST_F(OctomapCliTest, TruncatedTree) {
   put("cut.bt", whole.substr(0, whole.size() - 7));
   expect_failure(convert({"cut.bt", "-o", "b.apgm"}), 4, "cut.bt");
   EXPECT_FALSE(exists("b.apgm"));
+}
+
+class MapServerCliTest : public ConvertCliTest {
+ protected:
+  void SetUp() override {
+    put("depot.yaml", yaml());
+    put("depot.pgm", kPicture);
+  }
+  static std::string yaml(const std::string& image = "depot.pgm", const std::string& resolution = "0.1") {
+    return "image: " + image + "\nresolution: " + resolution +
+           "\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
+  }
+  const std::string kPicture = std::string("P5\n2 2\n255\n\0\xfe\xcd\0", 15);
+};
+
+TEST_F(MapServerCliTest, NoInputIsReplaced) {
+  const std::vector<std::vector<std::string>> commands = {
+      {"depot.yaml", "-O", "-o", "depot.yml", "--set", "mode=raw"},
+      {"depot.yaml", "-O", "-o", "depot.yml"},
+      {"depot.yaml", "-O", "-o", "depot.yaml"},
+      {"depot.yaml", "-O", "--to", "apgm", "-o", "depot.pgm"}};
+  for (const auto& command : commands) {
+    expect_failure(convert(command), 2, "is the input '");
+    EXPECT_EQ(bytes("depot.pgm"), kPicture);
+    EXPECT_EQ(bytes("depot.yaml"), yaml());
+    EXPECT_FALSE(exists("depot.yml"));
+  }
+  std::filesystem::create_symlink("depot.pgm", path("out.pgm"));
+  put("out.yaml", yaml("out.pgm"));
+  expect_failure(convert({"depot.yaml", "-O", "-o", "out.yaml"}), 2,
+                 "output 'out.pgm' is the input 'depot.pgm'");
+  EXPECT_EQ(bytes("depot.pgm"), kPicture);
+}
+
+TEST_F(MapServerCliTest, AnotherMapsPictureIsNotReplaced) {
+  ASSERT_EQ(convert({"depot.yaml", "-o", "a.apgm"}).code, 0);
+  expect_failure(convert({"a.apgm", "-O", "-o", "depot.yml"}), 5, "is not that of 'depot.yml'",
+                 "choose another name, or remove the picture");
+  expect_failure(convert({"a.apgm", "-n", "-O", "-o", "depot.yml"}), 5, "is not that of 'depot.yml'");
+  EXPECT_EQ(bytes("depot.pgm"), kPicture);
+  EXPECT_FALSE(exists("depot.yml"));
+  expect_silent(convert({"a.apgm", "-O", "-o", "depot.yaml"}));
+}
+
+TEST_F(MapServerCliTest, RegriddingIsALoss) {
+  EXPECT_EQ(convert({"depot.yaml", "--set", "edge_m=10", "-o", "a.apgm"}).code, 3);
+  expect_failure(convert({"depot.yaml", "--set", "edge_m=10", "--max-loss", "none", "-o", "b.apgm"}), 1,
+                 "the conversion would lose data: ");
+  EXPECT_FALSE(exists("b.apgm"));
+}
+
+TEST_F(MapServerCliTest, BrokenYamlIsToldAsYaml) {
+  put("bad.yaml", "resolution: 1\nimage: [");
+  expect_failure(convert({"bad.yaml", "-o", "a.apgm"}), 4, "'bad.yaml' is not valid YAML in line ",
+                 "key: value");
+  put("short.yml", "image: [");
+  expect_failure(convert({"short.yml", "-o", "a.apgm"}), 4, "'short.yml' is not valid YAML in line ");
+}
+
+TEST_F(MapServerCliTest, HintsForBadMaps) {
+  put("gone.yaml", yaml("gone.pgm"));
+  expect_failure(convert({"gone.yaml", "-o", "a.apgm"}), 4, "gone.pgm", "key 'image' of the YAML names it");
+  for (const char* resolution : {".nan", "1e300", "0"}) {
+    put("bad.yaml", yaml("depot.pgm", resolution));
+    expect_failure(convert({"bad.yaml", "-o", "a.apgm"}), 4, "key 'resolution' of the map is '",
+                   "metres a pixel, such as 0.05");
+  }
+  expect_failure(convert({"no.yaml", "-o", "a.apgm"}), 4, "cannot open 'no.yaml'", "check the name");
+}
+
+TEST_F(MapServerCliTest, BadValuesAreRefusedBeforeTheInputIsOpened) {
+  for (const char* input : {"depot.yaml", "gone.yaml", "gone.bt", "gone"}) {
+    const Outcome outcome = convert({input, "--set", "edge_m=wide", "-o", "a.apgm"});
+    expect_failure(outcome, 2, "setting 'edge_m=wide' of format ");
+    EXPECT_THAT(outcome.err, testing::Not(HasSubstr(input)));
+  }
+  expect_failure(convert({"gone.yaml", "--set", "mode=slices", "--from", "map_server", "-o", "a.apgm"}), 2,
+                 "setting 'mode=slices' of format 'map_server' is not one of trinary, scale, raw");
+  expect_failure(convert({"gone.apgm", "--set", "occupied_thresh=2", "-o", "a.yaml"}), 2,
+                 "setting 'occupied_thresh=2'");
+}
+
+TEST_F(MapServerCliTest, ForeignAndEmptyInputsAreTold) {
+  put("empty", "");
+  expect_failure(convert({"empty", "-o", "a.apgm"}), 4,
+                 "'empty' is of no format apgm-convert reads: it is empty", "apgm-convert reads: apgm, ");
+  put("noise.dat", "\x01\x02\xff");
+  expect_failure(convert({"noise.dat", "-o", "a.apgm"}), 4, "'noise.dat' is of no format apgm-convert reads",
+                 "apgm-convert reads: apgm, ");
+}
+
+TEST_F(MapServerCliTest, StandardStreamsAreForMaps) {
+  put("a.bt", "# Octomap OcTree binary file\nid OcTree\nsize 0\nres 0.1\ndata\n");
+  Launch launch;
+  launch.input = path("a.bt");
+  expect_failure(tool("convert", {"-", "-o", "a.apgm"}, launch), 4, "octomap is not read from standard input",
+                 "pass the file by its name");
+  expect_failure(convert({"--from", "octomap", "-", "-o", "a.apgm"}), 2,
+                 "octomap is not read from standard input");
+  expect_failure(
+      run({"/bin/sh", "-c",
+           "cat '" + path("a.bt") + "' | '" + command("convert", {})[0] + "' - -o '" + path("a.apgm") + "'"}),
+      4, "octomap is not read from standard input");
+  expect_failure(convert({"depot.yaml", "--to", "octomap", "-o", "-"}), 2,
+                 "octomap is not written to standard output", "name a file with -o");
+  ASSERT_EQ(convert({"depot.yaml", "-o", "a.apgm"}).code, 0);
+  launch.input = path("a.apgm");
+  expect_silent(tool("convert", {"-", "-o", "b.apgm"}, launch));
+  expect_silent(run(
+      {"/bin/sh", "-c",
+       "cat '" + path("a.apgm") + "' | '" + command("convert", {})[0] + "' - -o '" + path("c.apgm") + "'"}));
+  EXPECT_EQ(info("c.apgm")["map"]["content_id"], info("b.apgm")["map"]["content_id"]);
 }
 
 }  // namespace

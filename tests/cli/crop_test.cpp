@@ -39,6 +39,7 @@ TEST_F(CropCliTest, BadBoxIsRefusedBeforeTheInputIsRead) {
   refused("0,0,nan,1", "'nan' is not a number");
   refused("0,0,1", "takes 4 numbers, not 3");
   refused("", "takes 4 numbers, not 1");
+  refused("0,0,5e9,1", "--bbox: 5e9 lies beyond 4e9 m");
 }
 
 TEST_F(CropCliTest, NothingToCropBy) { expect_failure(crop({}), 2, "there is nothing to crop by", "--bbox"); }
@@ -70,6 +71,17 @@ TEST_F(CropCliTest, BadPolygonNamesFileAndMember) {
                  "cannot read 'gone.geojson': No such file or directory");
 }
 
+TEST_F(CropCliTest, PolygonFromStandardInput) {
+  put("area.geojson", R"({"type": "Polygon",
+      "coordinates": [[[0, 0], [25.6, 0], [25.6, 25.6], [0, 25.6], [0, 0]]]})");
+  Launch launch;
+  launch.input = path("area.geojson");
+  expect_silent(tool("crop", {"--polygon", "-", "a.apgm", "-o", "out.apgm"}, launch));
+  EXPECT_EQ(patches(), 4u);
+  expect_failure(tool("crop", {"-O", "--polygon", "-", "-", "-o", "out.apgm"}, launch), 2,
+                 "standard input '-' is named twice");
+}
+
 TEST_F(CropCliTest, OutputThatIsThePolygonIsRefused) {
   put("area.geojson", "{}");
   expect_failure(tool("crop", {"-O", "a.apgm", "--polygon", "area.geojson", "-o", "area.geojson"}), 2,
@@ -84,7 +96,11 @@ TEST_F(CropCliTest, LikeAnotherMap) {
   Frame other;
   other.frame_id = "odom";
   write("c.apgm", plain_map(2, 1, other));
-  expect_failure(crop({"-O", "--like", "c.apgm"}), 7, "frames");
+  other.edge_um = 6'400'000;
+  write("d.apgm", plain_map(2, 1, other));
+  expect_failure(crop({"-O", "--like", "c.apgm"}), 7,
+                 "cannot crop 'a.apgm' like 'c.apgm': frames differ ('map' and 'odom')\n", "both need");
+  expect_failure(crop({"-O", "--like", "d.apgm"}), 7, "patch edges differ (12.8 m and 6.4 m)");
 }
 
 TEST_F(CropCliTest, LayersAlone) {
@@ -99,6 +115,7 @@ TEST_F(CropCliTest, LayersAlone) {
 TEST_F(CropCliTest, BadSnap) {
   expect_failure(crop({"--bbox", "0,0,1,1", "--snap", "patches"}), 2,
                  "--snap takes one of cell, patch; not 'patches'", "did you mean 'patch'?");
+  expect_failure(crop({"--bbox", "0,0,1,1", "--snap", "xyzzy"}), 2, "not 'xyzzy'", "allowed: cell, patch");
 }
 
 TEST_F(CropCliTest, ParametersStandInTheHistory) {

@@ -209,8 +209,10 @@ TEST_P(EveryReaderTest, DamagedHeaderIsAJsonDocument) {
   EXPECT_TRUE(error["offset_bytes"].is_number());
 }
 
-TEST_P(EveryReaderTest, UnknownLayerIsNamedWithTheKnown) {
-  if (GetParam() == "merge") GTEST_SKIP() << "apgm-merge has no --layer";
+/// Tools that take --layer.
+class EveryFilterTest : public EveryReaderTest {};
+
+TEST_P(EveryFilterTest, UnknownLayerIsNamedWithTheKnown) {
   write("a.apgm", plain_map(2, 2));
   expect_failure(read("a.apgm", {"--layer", "ocupancy"}), 2, "no layer 'ocupancy'", "occupancy");
   EXPECT_FALSE(exists(output()));
@@ -218,6 +220,8 @@ TEST_P(EveryReaderTest, UnknownLayerIsNamedWithTheKnown) {
 
 INSTANTIATE_TEST_SUITE_P(Tools, EveryReaderTest,
                          testing::Values("info", "convert", "merge", "crop", "render"),
+                         [](const auto& verb) { return verb.param; });
+INSTANTIATE_TEST_SUITE_P(Tools, EveryFilterTest, testing::Values("info", "convert", "crop", "render"),
                          [](const auto& verb) { return verb.param; });
 
 /// Tools that write a file.
@@ -290,7 +294,8 @@ TEST_P(EveryWriterTest, DirectoryAsOutput) {
 }
 
 TEST_P(EveryWriterTest, MissingDirectoryOfTheOutput) {
-  expect_failure(write_to({"-o", "no/" + output()}), 5, "directory 'no': No such file or directory");
+  expect_failure(write_to({"-o", "no/" + output()}), 5, "directory 'no': No such file or directory",
+                 "create the directory 'no' first");
 }
 
 TEST_P(EveryWriterTest, ADirectoryThatCannotBeWritten) {
@@ -427,6 +432,8 @@ TEST_P(EveryMapWriterTest, StampIsStoredOnlyWhenAskedFor) {
   EXPECT_TRUE(info("out.apgm")["map"]["stamp_ns"].is_null());
   ASSERT_EQ(write_to({"-O", "--stamp", "2026-01-31T12:00:00Z", "-o", "out.apgm"}).code, 0);
   EXPECT_EQ(info("out.apgm")["map"]["stamp_ns"], 1'769'860'800'000'000'000);
+  expect_failure(write_to({"-O", "--stamp", "@0", "-o", "out.apgm"}), 2, "cannot hold the time 0",
+                 "leave --stamp out");
 }
 
 TEST_P(EveryMapWriterTest, EmptyResultIsAMapAndSaysSo) {

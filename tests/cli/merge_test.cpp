@@ -42,6 +42,9 @@ TEST_F(MergeCliTest, ReportsTotalConflicts) {
   EXPECT_EQ(outcome.code, 0);
   const Json document = Json::parse(outcome.out);
   EXPECT_EQ(document["total_conflicts"], 1);
+  const std::string warning = "1 cell was in total conflict (K = 1) and became unknown";
+  EXPECT_EQ(document["warnings"], Json({warning}));
+  EXPECT_THAT(outcome.err, HasSubstr("apgm-merge: warning: " + warning));
   EXPECT_EQ(document["rule"], "dempster");
   EXPECT_EQ(document["inputs"][1]["path"], "b.apgm");
   EXPECT_EQ(document["inputs"][1]["patches"], 1);
@@ -69,6 +72,10 @@ TEST_F(MergeCliTest, EdgesAndDatumsThatDifferNeedRegrid) {
   expect_failure(merge({"a.apgm", "b.apgm"}), 7, "datums differ", "--regrid");
   expect_failure(merge({"a.apgm", "c.apgm"}), 7, "edges differ", "--regrid");
   EXPECT_EQ(merge({"a.apgm", "b.apgm", "--regrid"}).code, 0);
+  const Outcome outcome = merge({"-O", "-v", "--json", "a.apgm", "c.apgm", "--regrid"});
+  EXPECT_THAT(outcome.err, HasSubstr("the result has patches of 6.4 m and the datum (0, 0) m"));
+  EXPECT_EQ(Json::parse(outcome.out)["edge_m"], 6.4);
+  EXPECT_EQ(Json::parse(outcome.out)["datum_m"], Json({0, 0}));
 }
 
 TEST_F(MergeCliTest, DryRunFindsInputsThatDoNotFit) {
@@ -130,6 +137,23 @@ TEST_F(MergeCliTest, TheSameInputTwiceIsWorthAWarning) {
   EXPECT_THAT(outcome.err, HasSubstr("apgm-merge: warning: 'a.apgm' is given twice and counts twice"));
 }
 
+TEST_F(MergeCliTest, TheSameFileByAnotherNameIsNoticed) {
+  write("a.apgm", plain_map(1, 1));
+  std::filesystem::create_hard_link(path("a.apgm"), path("b.apgm"));
+  const Outcome outcome = merge({"a.apgm", "b.apgm"});
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_THAT(outcome.err, HasSubstr("warning: 'a.apgm' and 'b.apgm' are the same file, which counts twice"));
+}
+
+TEST_F(MergeCliTest, DiscountTakesAnyNameOfAnInput) {
+  write("a.apgm", plain_map(1, 1));
+  write("b.apgm", plain_map(1, 1));
+  expect_silent(merge({"a.apgm", "b.apgm", "--discount", "./b.apgm=0"}));
+  EXPECT_EQ(id("out.apgm"), id("a.apgm"));
+  expect_failure(merge({"-O", "a.apgm", "--discount", "a.apgm=0.5", "--discount", "./a.apgm=0.6"}), 2,
+                 "twice");
+}
+
 TEST_F(MergeCliTest, StandardInputTwice) {
   expect_failure(merge({"-", "-"}), 2, "standard input '-' is named twice");
 }
@@ -159,10 +183,28 @@ TEST_F(MergeCliTest, ConflictMapIsCheckedBeforeAnythingIsRead) {
   EXPECT_EQ(files(), (std::set<std::string>{"a.apgm", "k.png"}));
 }
 
+TEST_F(MergeCliTest, ConflictMapOnAFullDiskLeavesTheOldOutput) {
+  write("a.apgm", plain_map(2, 1));
+  write("b.apgm", plain_map(1, 1));
+  put("out.apgm", "old");
+  expect_failure(merge({"-O", "a.apgm", "b.apgm", "--conflict-map", "/dev/full"}), 5,
+                 "No space left on device");
+  EXPECT_EQ(bytes("out.apgm"), "old");
+  EXPECT_EQ(files(), (std::set<std::string>{"a.apgm", "b.apgm", "out.apgm"}));
+}
+
+TEST_F(MergeCliTest, AnExtensionOfAnotherFormatIsWorthAWarning) {
+  write("a.apgm", plain_map(1, 1));
+  const Outcome outcome = tool("merge", {"a.apgm", "a.apgm", "-o", "x.PNG", "--conflict-map", "k.jpg"});
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_THAT(outcome.err, HasSubstr("warning: 'x.PNG' gets .apgm content whatever its extension says"));
+  EXPECT_THAT(outcome.err, HasSubstr("warning: 'k.jpg' gets .png content whatever its extension says"));
+}
+
 TEST_F(MergeCliTest, MemoryThatHoldsNoPatch) {
   write("a.apgm", plain_map(2, 2));
   write("b.apgm", plain_map(2, 2));
-  expect_failure(merge({"a.apgm", "b.apgm", "--max-memory", "64B"}), 6, "");
+  expect_failure(merge({"a.apgm", "b.apgm", "--max-memory", "64B"}), 6, "", "--max-memory");
   EXPECT_FALSE(exists("out.apgm"));
 }
 
@@ -218,6 +260,7 @@ class LongMergeTest : public MergeCliTest {
     EXPECT_EQ(bytes("out.apgm"), "old");
     EXPECT_EQ(files(), (std::set<std::string>{"a.apgm", "b.apgm", "out.apgm"}));
     EXPECT_THAT(outcome.err, HasSubstr("\r\x1b[2K"));
+    EXPECT_THAT(outcome.err, HasSubstr("apgm-merge: error: interrupted\n"));
   }
 };
 

@@ -52,6 +52,12 @@ TEST(MapServerBadInput, BadValuesAreRefused) {
       {&YamlText::origin, "[1e12, 0, 0]", ErrorCode::kDamaged},
       {&YamlText::origin, "[0, 0, 1e12]", ErrorCode::kDamaged},
       {&YamlText::negate, "maybe", ErrorCode::kDamaged},
+      {&YamlText::negate, "7", ErrorCode::kDamaged},
+      {&YamlText::negate, "-1", ErrorCode::kDamaged},
+      {&YamlText::occupied_thresh, "1.5", ErrorCode::kDamaged},
+      {&YamlText::occupied_thresh, "0.1", ErrorCode::kDamaged},
+      {&YamlText::free_thresh, "-0.1", ErrorCode::kDamaged},
+      {&YamlText::free_thresh, "0.9", ErrorCode::kDamaged},
       {&YamlText::mode, "quaternary", ErrorCode::kDamaged},
       {&YamlText::free_thresh, ".nan", ErrorCode::kDamaged}};
   for (const auto& [member, value, code] : cases) {
@@ -60,7 +66,33 @@ TEST(MapServerBadInput, BadValuesAreRefused) {
     const Error error = open_bad(yaml);
     EXPECT_EQ(error.code(), code) << value;
     EXPECT_THAT(error.path(), HasSubstr("map.yaml")) << value;
+    EXPECT_FALSE(error.hint().empty()) << value;
+    if (value[0] != '[') {
+      EXPECT_THAT(error.message(), HasSubstr(value));
+    }
   }
+}
+
+TEST(MapServerBadInput, EqualThresholdsAreAllowed) {
+  const testing::TempDir dir;
+  YamlText yaml;
+  yaml.occupied_thresh = yaml.free_thresh = "0.5";
+  EXPECT_EQ(
+      testing::collect(*open(map_server(), testing::save_map(dir, yaml, p5({0, 0, 0, 0, 0, 0})))).size(), 1u);
+}
+
+TEST(MapServerBadInput, AKeyGivenTwiceIsRefused) {
+  const testing::TempDir dir;
+  const auto path = testing::write_text(dir / "map.yaml", YamlText().text() + "resolution: 0.2\n");
+  const Error error = testing::error_of([&] { open(map_server(), path); });
+  EXPECT_EQ(error.code(), ErrorCode::kDamaged);
+  EXPECT_THAT(error.message(), HasSubstr("key 'resolution' of the map is given twice: '0.1' and '0.2'"));
+}
+
+TEST(MapServerBadInput, ForeignBytesAreEscaped) {
+  YamlText yaml;
+  yaml.negate = "a\xff\xc3\xa9";
+  EXPECT_THAT(open_bad(yaml).message(), HasSubstr("is 'a\\xff\xc3\xa9', which"));
 }
 
 TEST(MapServerBadInput, WhatIsNoMapIsTold) {
@@ -86,6 +118,7 @@ TEST(MapServerBadInput, AMissingPictureNamesBothFiles) {
   EXPECT_EQ(error.code(), ErrorCode::kUnreadable);
   EXPECT_THAT(error.message(), HasSubstr("gone.pgm"));
   EXPECT_THAT(error.message(), HasSubstr("map.yaml"));
+  EXPECT_THAT(error.hint(), HasSubstr("key 'image'"));
 }
 
 TEST(MapServerBadInput, DamagedPicturesAreRefused) {

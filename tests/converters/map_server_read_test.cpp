@@ -176,5 +176,25 @@ TEST(MapServerFrame, ADatumOffTheCellsIsRegridded) {
   EXPECT_EQ(testing::masses_at(exact, "occupancy", 0.25, 0.05, 7).first, 0.9f);
 }
 
+TEST(MapServerReader, RegriddingIsALoss) {
+  const testing::TempDir dir;
+  const std::pair<Settings, const char*> cases[] = {
+      {{{"edge_m", "10"}}, "[0, 0, 0]"}, {{{"datum", "0.01,0"}}, "[0, 0, 0]"}, {{}, "[0, 0, 0.5]"}};
+  for (const auto& [settings, origin] : cases) {
+    testing::YamlText yaml;
+    yaml.origin = origin;
+    testing::Collected known, unknown;
+    open(map_server(), testing::save_map(dir, yaml, testing::p5({0, 0, 0, 0, 0, 0})), settings, &known);
+    EXPECT_EQ(known.losses().size(), 1u) << origin;
+    open(map_server(), testing::save_map(dir, yaml, testing::p5({205, 205, 205, 205, 205, 205})), settings,
+         &unknown);
+    EXPECT_TRUE(unknown.losses().empty()) << origin;
+  }
+  testing::Collected whole;
+  open(map_server(), testing::save_map(dir, {}, testing::p5({0, 0, 0, 0, 0, 0})),
+       {{"edge_m", "6.4"}, {"datum", "0.3,0"}}, &whole);
+  EXPECT_TRUE(whole.losses().empty());
+}
+
 }  // namespace
 }  // namespace apgm::converters

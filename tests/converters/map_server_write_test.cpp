@@ -176,6 +176,54 @@ TEST(MapServerWriter, NothingIsReplacedUnasked) {
   EXPECT_NE(testing::read_text(dir / "out.yaml"), "old");
 }
 
+TEST(MapServerWriter, OnlyTheMapsOwnPictureIsReplaced) {
+  const testing::TempDir dir;
+  const auto source = open(map_server(), save_map(dir, {}, p5({0, 205, 254, 7, 200, 255})));
+  testing::write_text(dir / "out.pgm", "another's");
+  const auto refused = [&] {
+    const Error error =
+        testing::error_of([&] { write(map_server(), *source, dir / "out.yaml", {}, nullptr, "", true); });
+    EXPECT_EQ(error.code(), ErrorCode::kOutput);
+    EXPECT_THAT(error.message(), HasSubstr("out.pgm"));
+    EXPECT_FALSE(error.hint().empty());
+    EXPECT_EQ(testing::read_text(dir / "out.pgm"), "another's");
+  };
+  refused();
+  for (const char* yaml : {"old", "image: [", "image: a.pgm\n", "image: gone.pgm\n"}) {
+    testing::write_text(dir / "out.yaml", yaml);
+    refused();
+    EXPECT_EQ(testing::read_text(dir / "out.yaml"), yaml);
+  }
+  testing::write_text(dir / "out.yaml", "image: out.pgm\n");
+  write(map_server(), *source, dir / "out.yaml", {}, nullptr, "", true);
+  EXPECT_NE(testing::read_text(dir / "out.pgm"), "another's");
+  write(map_server(), *source, dir / "out.yaml", {}, nullptr, "", true);
+}
+
+TEST(MapServerWriter, NoPictureAppearsIfTheYamlCannotBeWritten) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full";
+  const testing::TempDir dir;
+  const auto source = open(map_server(), save_map(dir, {}, p5({0, 205, 254, 7, 200, 255})));
+  std::filesystem::create_symlink("/dev/full", dir / "out.yaml");
+  EXPECT_EQ(testing::error_of([&] {
+              write(map_server(), *source, dir / "out.yaml", {}, nullptr, "", true);
+            }).code(),
+            ErrorCode::kOutput);
+  EXPECT_FALSE(std::filesystem::exists(dir / "out.pgm"));
+}
+
+TEST(MapServerWriter, ListsWhatItReadsAndWrites) {
+  const testing::TempDir dir;
+  const std::string path = save_map(dir, {}, p5({0, 205, 254, 7, 200, 255}));
+  EXPECT_THAT(map_server().files_read(path), ElementsAre(path, dir / "a.pgm"));
+  EXPECT_THAT(map_server().files_read(dir / "gone.yaml"), ElementsAre(dir / "gone.yaml"));
+  WriteRequest request;
+  request.path = dir / "out.yaml";
+  EXPECT_THAT(map_server().files_written({}, request), ElementsAre(dir / "out.yaml", dir / "out.pgm"));
+  request.settings = {{"mode", "scale"}};
+  EXPECT_THAT(map_server().files_written({}, request), ElementsAre(dir / "out.yaml", dir / "out.png"));
+}
+
 TEST(MapServerWriter, RefusesWhatItCannotDo) {
   const testing::TempDir dir;
   const auto source = open(map_server(), save_map(dir, {}, p5({0, 205, 254, 7, 200, 255})));
@@ -187,6 +235,8 @@ TEST(MapServerWriter, RefusesWhatItCannotDo) {
   EXPECT_EQ(code("out.yaml", {{"mode", "scale"}, {"image", "pgm"}}), ErrorCode::kInvalidArgument);
   EXPECT_EQ(code("out.yaml", {{"occupied_thresh", "1"}}), ErrorCode::kInvalidArgument);
   EXPECT_EQ(code("out.yaml", {{"occupied_thresh", "2"}}), ErrorCode::kInvalidArgument);
+  EXPECT_EQ(code("out.yaml", {{"occupied_thresh", "0.3"}, {"free_thresh", "0.4"}}),
+            ErrorCode::kInvalidArgument);
   EXPECT_EQ(code("out.yaml", {{"image", "bmp"}}), ErrorCode::kInvalidArgument);
   EXPECT_EQ(code("out.yaml", {{"datum", "0,0"}}), ErrorCode::kInvalidArgument);
   EXPECT_EQ(code("out.yaml", {}, "nothing"), ErrorCode::kInvalidArgument);

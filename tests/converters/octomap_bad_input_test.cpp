@@ -125,5 +125,29 @@ TEST(OctomapBadInput, SettingsAreCheckedBeforeTheFile) {
   }
 }
 
+TEST(OctomapBadInput, TreesAboveTheBudgetAreRefused) {
+  const testing::TempDir dir;
+  // A root with eight leaves.
+  std::string nodes = testing::node(1, 0xff);
+  for (int i = 0; i < 8; ++i) nodes += testing::node(1, 0);
+  const auto path = testing::write_text(dir / "a.ot", testing::tree_file(false, nodes, 9));
+  const auto bytes = std::filesystem::file_size(path);
+  for (const std::uint64_t budget : {std::uint64_t{1}, bytes + 9 * 64 - 1}) {
+    const Error error = testing::error_of([&] { octomap().open({path, {}, {}, budget}); });
+    EXPECT_EQ(error.code(), ErrorCode::kLimit);
+    EXPECT_THAT(error.hint(), ::testing::HasSubstr("--max-memory"));
+  }
+  EXPECT_NE(octomap().open({path, {}, {}, bytes + 9 * 64}), nullptr);
+}
+
+TEST(OctomapBadInput, AForeignTypeIsEscaped) {
+  const testing::TempDir dir;
+  const auto path = testing::write_text(dir / "a.ot", testing::tree_file(false, "", 0, "0.1", "\xff\x1b[1m"));
+  EXPECT_THAT(testing::error_of([&] {
+                octomap().open({path, {}, {}});
+              }).message(),
+              ::testing::HasSubstr("'\\xff\\x1b[1m'"));
+}
+
 }  // namespace
 }  // namespace apgm::converters

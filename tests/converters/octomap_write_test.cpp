@@ -206,5 +206,14 @@ TEST(OctomapWriter, SameMapSameBytes) {
   EXPECT_EQ(testing::read_text(dir / "a.bt"), testing::read_text(dir / "b.bt"));
 }
 
+TEST(OctomapWriter, AnEmptyMapBetweenCellsLosesNothing) {
+  const testing::TempDir dir;
+  MapHeader header;
+  header.types = TypeTable({LayerType::occupancy()});
+  testing::Collected findings;
+  testing::write(octomap(), Map(header), dir / "a.ot", {{"origin", "0.01,0"}}, &findings);
+  EXPECT_TRUE(findings.losses().empty());
+}
+
 }  // namespace
 }  // namespace apgm::converters

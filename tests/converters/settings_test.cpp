@@ -16,6 +16,7 @@ class FakeConverter final : public Converter {
     return {{"a", "", ""}, {"b", "", "", true, true}, {"c", "", "", false, true}};
   }
   std::vector<std::string> losses() const override { return {}; }
+  void check_settings(const Settings&, Use) const override {}
   bool sniffs(std::string_view, std::span<const std::byte>) const override { return false; }
   std::unique_ptr<PatchSource> open(const ReadRequest&) const override { return nullptr; }
   void write(const PatchSource&, const WriteRequest&) const override {}
@@ -65,6 +66,28 @@ TEST(FormatNumber, ReadsBackEqual) {
     EXPECT_EQ(parse_number(format_number(v)), v);
   }
   EXPECT_EQ(format_number(0.08), "0.08");
+}
+
+TEST(Printable, EscapesWhatATerminalMustNotSee) {
+  EXPECT_EQ(printable("plain \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80"),
+            "plain \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80");
+  EXPECT_EQ(printable("\x1b[31m\x7f"), "\\x1b[31m\\x7f");
+  EXPECT_EQ(printable("\xff\xc0\xaf\xe2\x82"), "\\xff\\xc0\\xaf\\xe2\\x82");
+  EXPECT_EQ(printable("\xed\xa0\x80\xc2\x9b"), "\\xed\\xa0\\x80\\xc2\\x9b");
+  EXPECT_EQ(printable(std::string(100, 'a')), std::string(80, 'a') + "...");
+}
+
+TEST(CheckSettings, RefusesValuesWithoutAFile) {
+  for (const Converter* converter : all()) {
+    for (const Settings& bad :
+         {Settings{{"edge_m", "0"}}, {{"datum", "1"}}, {{"mode", "x"}}, {{"epsg", "1.5"}}}) {
+      const Error error = testing::error_of([&] { converter->check_settings(bad, Use::kReading); });
+      EXPECT_EQ(error.code(), ErrorCode::kInvalidArgument) << bad.begin()->first;
+      EXPECT_EQ(error.path(), "");
+    }
+    converter->check_settings({{"edge_m", "10"}}, Use::kReading);
+    converter->check_settings({}, Use::kWriting);
+  }
 }
 
 }  // namespace

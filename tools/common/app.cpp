@@ -124,12 +124,17 @@ void parse(CLI::App& app, const std::vector<std::string>& arguments) {
 }
 
 std::string hint_for(const Error& error) {
+  constexpr std::string_view kAllow = "allow at least ";  // of an operation with a memory budget
+  if (error.code() == ErrorCode::kLimit && error.hint().starts_with(kAllow)) {
+    return "pass --max-memory with at least " + error.hint().substr(kAllow.size());
+  }
   if (!error.hint().empty()) return error.hint();
   if (error.code() == ErrorCode::kForeign) return "apgm-convert reads: " + foreign_formats();
   return {};
 }
 
 std::string message_for(const Error& error) {
+  if (error.code() == ErrorCode::kCancelled) return "interrupted";
   if (error.path().empty() || error.message().find(error.path()) != std::string::npos) return error.message();
   return fmt::format("'{}': {}", error.path(), error.message());
 }

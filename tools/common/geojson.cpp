@@ -1,6 +1,8 @@
 #include "tools/common/geojson.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cmath>
@@ -10,6 +12,7 @@
 
 #include "apgm/core/error.hpp"
 #include "tools/common/json.hpp"
+#include "tools/common/parse.hpp"
 
 namespace apgm::tools {
 namespace {
@@ -98,8 +101,10 @@ class Areas {
       const bool pair = p.is_array() && p.size() >= 2 && p[0].is_number() && p[1].is_number();
       if (!pair) fail(fmt::format("{}[{}]", at, i), "is not a pair of numbers");
       ring.push_back({p[0].get<double>(), p[1].get<double>()});
-      if (std::isfinite(ring.back().x_m) && std::isfinite(ring.back().y_m)) continue;
-      fail(fmt::format("{}[{}]", at, i), "is not finite");
+      if (std::fabs(ring.back().x_m) <= kMaxCoordinate_m && std::fabs(ring.back().y_m) <= kMaxCoordinate_m) {
+        continue;
+      }
+      fail(fmt::format("{}[{}]", at, i), "lies beyond 4e9 m");
     }
     if (ring.size() > 1 && ring.front() == ring.back()) ring.pop_back();
     if (ring.size() < 3) fail(at, "has fewer than 3 corners");
@@ -122,7 +127,9 @@ Polygon parse_geojson(const std::string& text, const std::string& path) {
         .hint(kHint)
         .at(path, error.byte > 0 ? error.byte - 1 : 0);
   } catch (const Json::exception&) {
-    throw Error(ErrorCode::kForeign, fmt::format("'{}' holds a number that is out of range", path)).at(path);
+    throw Error(ErrorCode::kForeign, fmt::format("'{}' holds a number that is out of range", path))
+        .hint(kHint)
+        .at(path);
   }
   Areas areas(path);
   areas.add(document, "");
@@ -134,7 +141,9 @@ Polygon read_geojson(const std::string& path) {
     throw Error(ErrorCode::kUnreadable, fmt::format("cannot read '{}': {}", path, std::strerror(errno)))
         .at(path);
   };
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), std::fclose);
+  const int fd = path == "-" ? ::dup(STDIN_FILENO) : ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(fd < 0 ? nullptr : ::fdopen(fd, "rb"),
+                                                             std::fclose);
   if (file == nullptr) refuse();
   std::string text;
   std::vector<char> buffer(std::size_t{1} << 16);

@@ -6,8 +6,10 @@
 
 #include <CLI/App.hpp>
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cstring>
+#include <set>
 
 #include "tools/common/exit_code.hpp"
 
@@ -60,7 +62,8 @@ void OutputChoice::add(CLI::App& app) {
   add_text(app, kOutputGroup, "-o,--output", path_text_, "FILE",
            "where to write; '-' is standard output (required)");
   add_switch(app, kOutputGroup, "-O,--overwrite", overwrite, "replace an existing file");
-  add_switch(app, kOutputGroup, "-n,--dry-run", dry_run, "check arguments and inputs, write nothing");
+  add_switch(app, kOutputGroup, "-n,--dry-run", dry_run,
+             "check arguments and inputs, write nothing; losses found while writing are not foreseen");
   add_switch(app, kOutputGroup, "--fsync", fsync, "flush to the disk before the file appears");
 }
 
@@ -87,25 +90,61 @@ void check_output_path(const std::string& path, bool overwrite, const std::vecto
   check_not_an_input(path, inputs);
   struct stat file {};
   if (::stat(path.c_str(), &file) == 0) {
-    if (S_ISDIR(file.st_mode)) throw output_error(path, fmt::format("output '{}' is a directory", path));
+    if (S_ISDIR(file.st_mode)) {
+      throw output_error(path, fmt::format("output '{}' is a directory", path), "name a file in it");
+    }
     if (!S_ISREG(file.st_mode)) return;
     if (!overwrite) {
       throw output_error(path, fmt::format("output '{}' already exists", path),
                          "pass --overwrite to replace it");
     }
+    if (::access(path.c_str(), W_OK) != 0) {
+      throw output_error(path, fmt::format("cannot replace '{}': {}", path, std::strerror(errno)),
+                         "name another output, or make the file writable");
+    }
   }
   const std::string directory = directory_of(path);
   if (::stat(directory.c_str(), &file) != 0) {
+    const bool missing = errno == ENOENT;
     throw output_error(
-        path, fmt::format("cannot create '{}': directory '{}': {}", path, directory, std::strerror(errno)));
+        path, fmt::format("cannot create '{}': directory '{}': {}", path, directory, std::strerror(errno)),
+        missing ? fmt::format("create the directory '{}' first, or name another output", directory)
+                : "name an output in another directory");
   }
   if (!S_ISDIR(file.st_mode)) {
-    throw output_error(path, fmt::format("cannot create '{}': '{}' is not a directory", path, directory));
+    throw output_error(path, fmt::format("cannot create '{}': '{}' is not a directory", path, directory),
+                       "name an output in another directory");
   }
   if (::access(directory.c_str(), W_OK) != 0) {
     throw output_error(
-        path, fmt::format("cannot create '{}': directory '{}': {}", path, directory, std::strerror(errno)));
+        path, fmt::format("cannot create '{}': directory '{}': {}", path, directory, std::strerror(errno)),
+        "name an output in a directory you may write to");
   }
+}
+
+void warn_of_extension(Session& session, const std::string& path, const std::string& written) {
+  static const std::set<std::string> kForeign{".apgm", ".bag", ".bmp",  ".bt",  ".csv",  ".geojson", ".gif",
+                                              ".jpeg", ".jpg", ".json", ".las", ".mcap", ".npy",     ".ot",
+                                              ".pcd",  ".pdf", ".pgm",  ".ply", ".png",  ".svg",     ".tif",
+                                              ".tiff", ".txt", ".webp", ".xml", ".yaml", ".yml",     ".zip"};
+  const std::string name = path.substr(path.rfind('/') + 1);
+  const std::size_t dot = name.rfind('.');
+  if (dot == std::string::npos || dot == 0) return;
+  std::string extension;
+  for (const char c : name.substr(dot)) {
+    extension += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  }
+  if (extension == written || kForeign.count(extension) == 0) return;
+  session.warning(fmt::format("'{}' gets {} content whatever its extension says", path, written));
+}
+
+bool same_file(const std::string& a, const std::string& b) {
+  if (a == b) return true;
+  if (a == "-" || b == "-") return false;
+  struct stat one {
+  }, other{};
+  if (::stat(a.c_str(), &one) != 0 || ::stat(b.c_str(), &other) != 0) return false;
+  return one.st_dev == other.st_dev && one.st_ino == other.st_ino;
 }
 
 void MapWriting::add(CLI::App& app) {
@@ -118,11 +157,18 @@ void MapWriting::add(CLI::App& app) {
 }
 
 void MapWriting::check() {
-  if (level_text_) level = static_cast<int>(parse_integer("--level", *level_text_, 1, 19));
+  if (level_text_) {
+    level = static_cast<int>(
+        parse_integer("--level", *level_text_, 1, 19, "1 is the fastest, 19 the smallest; the default is 3"));
+  }
   if (lossy_text_) {
     lossy = parse_choice("--lossy", *lossy_text_, {"u16", "u8"}) == "u8" ? Lossy::kU8 : Lossy::kU16;
   }
   if (stamp_text_) stamp_ns = parse_time("--stamp", *stamp_text_);
+  if (stamp_ns == 0) {
+    throw usage_error("--stamp: a map cannot hold the time 0, which says that there is none",
+                      "leave --stamp out to store no time");
+  }
 }
 
 std::string MapWriting::given() const {
@@ -160,13 +206,17 @@ void Filter::check() {
 
 void HeavyOptions::add(CLI::App& app) {
   add_text(app, kWorkGroup, "-j,--threads", threads_text_, "N", "threads; 0: all cores (default)");
-  add_text(app, kWorkGroup, "--max-memory", memory_text_, "SIZE", "bound of the memory used: 512MiB, 1.5GB");
+  add_text(app, kWorkGroup, "--max-memory", memory_text_, "SIZE",
+           "bound of the memory used: 512M, 1.5GB; K, M, G, T are powers of 1024");
   CLI::Option* on = add_switch(app, kWorkGroup, "--progress", on_, "show progress, also without a terminal");
   add_switch(app, kWorkGroup, "--no-progress", off_, "show no progress")->excludes(on);
 }
 
 void HeavyOptions::check() {
-  if (threads_text_) threads = static_cast<int>(parse_integer("--threads", *threads_text_, 0, 1024));
+  if (threads_text_) {
+    threads = static_cast<int>(parse_integer("--threads", *threads_text_, 0, 1024,
+                                             "0 takes all cores, 1 to 1024 is a number of threads"));
+  }
   if (memory_text_) max_memory_bytes = parse_size("--max-memory", *memory_text_);
   if (on_ || off_) progress = on_;
 }

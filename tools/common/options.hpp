@@ -49,6 +49,12 @@ struct OutputChoice {
   std::optional<std::string> path_text_;
 };
 
+/// Warns where the extension of an output names a format other than what is written, ".apgm" or ".png".
+void warn_of_extension(Session& session, const std::string& path, const std::string& written);
+
+/// Both name one file: equal texts, or device and inode. Standard input is itself only.
+bool same_file(const std::string& a, const std::string& b);
+
 /// The check of OutputChoice for a second output, such as a picture.
 void check_output_path(const std::string& path, bool overwrite, const std::vector<std::string>& inputs);
 

@@ -18,8 +18,15 @@ namespace {
 
 constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
 
-Error refused(const std::string& option, std::string_view text, const std::string& wanted) {
-  return usage_error(fmt::format("{} takes {}, not '{}'", option, wanted, text));
+Error refused(const std::string& option, std::string_view text, const std::string& wanted,
+              const std::string& hint = {}) {
+  return usage_error(fmt::format("{} takes {}, not '{}'", option, wanted, text), hint);
+}
+
+std::string_view trimmed(std::string_view text) {
+  const std::size_t from = text.find_first_not_of(' ');
+  if (from == std::string_view::npos) return {};
+  return text.substr(from, text.find_last_not_of(' ') - from + 1);
 }
 
 template <typename Number>
@@ -84,10 +91,10 @@ double parse_real(const std::string& option, std::string_view text, double min, 
 }
 
 std::int64_t parse_integer(const std::string& option, std::string_view text, std::int64_t min,
-                           std::int64_t max) {
+                           std::int64_t max, const std::string& hint) {
   std::int64_t value = 0;
   if (!read(text, value) || value < min || value > max) {
-    throw refused(option, text, fmt::format("a whole number from {} to {}", min, max));
+    throw refused(option, text, fmt::format("a whole number from {} to {}", min, max), hint);
   }
   return value;
 }
@@ -97,16 +104,22 @@ std::uint64_t parse_size(const std::string& option, std::string_view text) {
     std::string_view name;
     double bytes;
   };
-  static constexpr std::array<Unit, 9> kUnits{{{"kib", 1024.},
-                                               {"mib", 1048576.},
-                                               {"gib", 1073741824.},
-                                               {"tib", 1099511627776.},
-                                               {"kb", 1e3},
-                                               {"mb", 1e6},
-                                               {"gb", 1e9},
-                                               {"tb", 1e12},
-                                               {"b", 1.}}};
-  constexpr const char* kWanted = "a size such as 1.5GB, 512MiB or a number of bytes";
+  static constexpr std::array<Unit, 13> kUnits{{{"k", 1024.},
+                                                {"m", 1048576.},
+                                                {"g", 1073741824.},
+                                                {"t", 1099511627776.},
+                                                {"kib", 1024.},
+                                                {"mib", 1048576.},
+                                                {"gib", 1073741824.},
+                                                {"tib", 1099511627776.},
+                                                {"kb", 1e3},
+                                                {"mb", 1e6},
+                                                {"gb", 1e9},
+                                                {"tb", 1e12},
+                                                {"b", 1.}}};
+  constexpr const char* kWanted = "a size such as 512M, 1.5GB or a number of bytes";
+  constexpr const char* kHint =
+      "units: B; K, M, G, T or KiB, MiB, GiB, TiB (powers of 1024); KB, MB, GB, TB (powers of 1000)";
   const std::size_t digits = std::min(text.find_first_not_of("0123456789."), text.size());
   std::string_view unit = text.substr(digits);
   while (unit.starts_with(' ')) unit.remove_prefix(1);
@@ -117,9 +130,11 @@ std::uint64_t parse_size(const std::string& option, std::string_view text) {
     if (lower == known.name) factor = known.bytes;
   }
   double number = 0;
-  if (factor == 0 || !read_finite(text.substr(0, digits), number)) throw refused(option, text, kWanted);
+  if (factor == 0 || !read_finite(text.substr(0, digits), number)) {
+    throw refused(option, text, kWanted, kHint);
+  }
   const double bytes = number * factor;
-  if (bytes < 1 || bytes > 9e18) throw refused(option, text, kWanted);
+  if (bytes < 1 || bytes > 9e18) throw refused(option, text, kWanted, kHint);
   return static_cast<std::uint64_t>(bytes);
 }
 
@@ -132,8 +147,12 @@ Box parse_box(const std::string& option, std::string_view text) {
   }
   std::array<double, 4> v{};
   for (std::size_t i = 0; i < 4; ++i) {
-    if (!read_finite(parts[i], v[i])) {
-      throw usage_error(fmt::format("{}: '{}' is not a number", option, parts[i]), kHint);
+    if (!read_finite(trimmed(parts[i]), v[i])) {
+      throw usage_error(fmt::format("{}: '{}' is not a number", option, trimmed(parts[i])), kHint);
+    }
+    if (std::fabs(v[i]) > kMaxCoordinate_m) {
+      throw usage_error(fmt::format("{}: {} lies beyond 4e9 m", option, trimmed(parts[i])),
+                        "coordinates are metres of the map's CRS");
     }
   }
   for (const std::size_t axis : {std::size_t{0}, std::size_t{1}}) {
@@ -155,7 +174,8 @@ std::int64_t parse_time(const std::string& option, std::string_view text) {
   std::int64_t seconds = 0;
   const bool known = text.starts_with('@') ? read(text.substr(1), seconds) : read_utc(text, seconds);
   if (!known || seconds > kMaxSeconds || seconds < -kMaxSeconds) {
-    throw refused(option, text, "a time such as 2026-01-31T12:00:00Z, @SECONDS since 1970, or now");
+    throw refused(option, text, "a time such as 2026-01-31T12:00:00Z, @SECONDS since 1970, or now",
+                  "a date is in UTC, in whole seconds and ends with Z; years from 1700 to 2200");
   }
   return seconds * kNanosecondsPerSecond;
 }
@@ -166,7 +186,7 @@ std::string parse_choice(const std::string& option, const std::string& text,
     if (text == choice) return choice;
   }
   throw usage_error(fmt::format("{} takes one of {}; not '{}'", option, join(choices), text),
-                    did_you_mean(text, choices, ""));
+                    did_you_mean(text, choices, "allowed: " + join(choices)));
 }
 
 std::map<std::string, std::string> parse_pairs(const std::string& option,

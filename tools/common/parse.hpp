@@ -10,6 +10,9 @@
 
 namespace apgm::tools {
 
+/// Coordinates the library takes lie within it (Frame::patches_meeting).
+inline constexpr double kMaxCoordinate_m = 4e9;
+
 // Reading values, strictly: the whole text or nothing. @throws Error{kInvalidArgument} naming the option and
 // what it takes.
 
@@ -17,11 +20,13 @@ double parse_real(const std::string& option, std::string_view text);
 double parse_positive(const std::string& option, std::string_view text);
 /// In [min, max].
 double parse_real(const std::string& option, std::string_view text, double min, double max);
+/// @param hint  what the numbers mean
 std::int64_t parse_integer(const std::string& option, std::string_view text, std::int64_t min,
-                           std::int64_t max);
-/// Bytes: "1500000", "1.5GB", "512MiB"
+                           std::int64_t max, const std::string& hint = {});
+/// Bytes: "1500000", "512M" and "512MiB" (powers of 1024), "1.5GB" (powers of 1000)
 std::uint64_t parse_size(const std::string& option, std::string_view text);
-/// "XMIN,YMIN,XMAX,YMAX" in metres, not inverted, not empty.
+/// "XMIN,YMIN,XMAX,YMAX" in metres, not inverted, not empty, within kMaxCoordinate_m; blanks may surround
+/// numbers.
 Box parse_box(const std::string& option, std::string_view text);
 /// Nanoseconds since 1970: "now", "@SECONDS", "2026-01-31T12:00:00Z"
 std::int64_t parse_time(const std::string& option, std::string_view text);

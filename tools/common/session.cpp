@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "apgm/core/text.hpp"
 #include "tools/common/exit_code.hpp"
 #include "tools/common/options.hpp"
 #include "tools/common/signals.hpp"
@@ -34,10 +35,11 @@ int write_all(int fd, const std::string& text) {
 
 /// Control characters of a file name must not reach a terminal.
 std::string printable(const std::string& text) {
+  const bool utf8 = is_utf8(text);
   std::string out;
   for (const char c : text) {
     const auto byte = static_cast<unsigned char>(c);
-    if (byte < 0x20 || byte == 0x7f) {
+    if (byte < 0x20 || byte == 0x7f || (byte >= 0x80 && !utf8)) {
       out += fmt::format("\\x{:02x}", byte);
     } else {
       out += c;
