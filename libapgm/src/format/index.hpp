@@ -26,10 +26,11 @@ struct Root {
 };
 
 /// Entries of a stored page, checked: count, strict order by (key, type), key = curve(ix, iy), blocks within
-/// [64, `end`) and no larger than their type and step allow, steps that the totals of `root` know, encoding known.
+/// [64, `end`) and no larger than their type and step allow, steps that the totals of `root` know, encoding
+/// known.
 /// @throws Error{kDamaged|kUnsupported}
-void read_page(Bytes block, const fbs::PageRef& ref, std::uint64_t end, const TypeTable& types, const Root& root,
-               std::vector<IndexEntry>& out);
+void read_page(Bytes block, const fbs::PageRef& ref, std::uint64_t end, const TypeTable& types,
+               const Root& root, std::vector<IndexEntry>& out);
 
 void append_root(std::vector<std::byte>& out, const std::vector<fbs::PageRef>& pages,
                  const std::vector<Summary::OfType>& totals);
