@@ -154,7 +154,7 @@ def main():
         bench = Bench(args.build, os.path.abspath(args.work or temporary), args.runs)
         os.makedirs(bench.work, exist_ok=True)
         make_maps(bench)
-        lines = ["# Performance", "", "Written by `tests/bench/run.py` after `cmake --build --preset release`. Whole processes, page cache warm,",
+        lines = ["# Performance", "", "Written by `tests/bench/run.py` (release preset, `-DAPGM_BENCH=ON`). Whole processes, page cache warm,",
                  f"medians of {args.runs} runs taken in turn; ratios are medians over pairs. Machine: {machine()}.",
                  "The maps are made by `make-bench-maps`: city blocks, 0.1 m cells, masses with noise in every bit.", ""]
         merges(bench, lines)
