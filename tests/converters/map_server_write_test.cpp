@@ -156,7 +156,7 @@ TEST(MapServerWriter, HugeExtentsAreRefused) {
   map.layer({0, 0}, 0, 7).at(0, {0, 0}) = 0.9f;
   map.layer({2'000'000'000, -2'000'000'000}, 0, 7).at(0, {0, 0}) = 0.9f;
   EXPECT_EQ(testing::error_of([&] { write(map_server(), map, dir / "out.yaml"); }).code(), ErrorCode::kLimit);
-  EXPECT_EQ(dir.files(), 0u);
+  EXPECT_EQ(dir.list().size(), 0u);
 }
 
 TEST(MapServerWriter, NothingIsReplacedUnasked) {
@@ -164,11 +164,11 @@ TEST(MapServerWriter, NothingIsReplacedUnasked) {
   const auto source = open(map_server(), save_map(dir, {}, p5({0, 205, 254, 7, 200, 255})));
   for (const char* existing : {"out.yaml", "out.pgm"}) {
     testing::write_text(dir / existing, "old");
-    const std::size_t files = dir.files();
+    const std::size_t files = dir.list().size();
     EXPECT_EQ(testing::error_of([&] { write(map_server(), *source, dir / "out.yaml"); }).code(),
               ErrorCode::kOutput);
     EXPECT_EQ(testing::read_text(dir / existing), "old");
-    EXPECT_EQ(dir.files(), files);
+    EXPECT_EQ(dir.list().size(), files);
     std::filesystem::remove(dir / existing);
   }
   testing::write_text(dir / "out.yaml", "old");
@@ -240,7 +240,7 @@ TEST(MapServerWriter, RefusesWhatItCannotDo) {
   EXPECT_EQ(code("out.yaml", {{"image", "bmp"}}), ErrorCode::kInvalidArgument);
   EXPECT_EQ(code("out.yaml", {{"datum", "0,0"}}), ErrorCode::kInvalidArgument);
   EXPECT_EQ(code("out.yaml", {}, "nothing"), ErrorCode::kInvalidArgument);
-  EXPECT_EQ(dir.files(), 2u);
+  EXPECT_EQ(dir.list().size(), 2u);
 }
 
 }  // namespace

@@ -158,7 +158,7 @@ TEST(OctomapWriter, MovesToTheOrigin) {
   const Error error = testing::error_of([&] { write(octomap(), map, dir / "a.ot"); });
   EXPECT_EQ(error.code(), ErrorCode::kLimit);
   EXPECT_THAT(error.hint(), HasSubstr("origin=X,Y"));
-  EXPECT_EQ(dir.files(), 0u);
+  EXPECT_EQ(dir.list().size(), 0u);
   write(octomap(), map, dir / "a.ot", {{"origin", "580000,5360000"}});
   EXPECT_NE(testing::load_ot(dir / "a.ot")->search(key(3, 4, 0)), nullptr);
   testing::Collected findings;
@@ -192,7 +192,7 @@ TEST(OctomapWriter, RefusesWhatItCannotDo) {
   testing::write_text(dir / "b.bt", "old");
   EXPECT_EQ(code(dir / "b.bt", {}), ErrorCode::kOutput);
   EXPECT_EQ(testing::read_text(dir / "b.bt"), "old");
-  EXPECT_EQ(dir.files(), 1u);
+  EXPECT_EQ(dir.list().size(), 1u);
 }
 
 TEST(OctomapWriter, SameMapSameBytes) {
