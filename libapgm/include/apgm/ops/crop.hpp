@@ -3,15 +3,11 @@
 #include <string>
 #include <vector>
 
+#include "apgm/core/polygon.hpp"
 #include "apgm/core/source.hpp"
 #include "apgm/ops/run.hpp"
 
 namespace apgm {
-
-/// An area as polygons with holes, in metres of the map's CRS; even-odd rule over all rings.
-struct Polygon {
-  std::vector<std::vector<Point>> rings;
-};
 
 enum class Snap : std::uint8_t {
   kCell,   ///< keep every cell that shares area with the region

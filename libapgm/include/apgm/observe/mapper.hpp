@@ -1,0 +1,102 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apgm/core/map.hpp"
+#include "apgm/core/map_changes.hpp"
+#include "apgm/core/patch_store.hpp"
+#include "apgm/fuse/combine.hpp"
+#include "apgm/observe/model.hpp"
+#include "apgm/observe/profile.hpp"
+
+namespace apgm {
+
+struct MapperOptions {
+  Rule rule = Rule::kDempster;  ///< between the map and a measurement
+  /// Cell size where no profile is set.
+  double cell_m = 0.1;
+  /// Share of a cell's evidence that is left after a second (paper, discounting m^alpha): m <- alpha^t m. 1:
+  /// nothing is forgotten.
+  double ageing_per_s = 1.0;
+  /// After each fusion m(Omega) of an observed cell is at least this, masses keep their ratio. Without it
+  /// float32 rounds m(Omega) to 0 after some thirty agreeing scans, and no later scan can change the cell.
+  double min_unknown = 0.02;
+  /// Values of layers kept in memory, bytes; beyond it the least recently touched patches go to the store.
+  /// 0: no bound. Needs a store.
+  std::uint64_t max_memory_bytes = 0;
+};
+
+/// What one call of a Mapper did and what the map then holds, by TypeId of its header.
+struct MapperReport {
+  struct OfType {
+    std::uint64_t layers = 0;  ///< in memory after the call
+    std::uint64_t cells = 0;
+    std::uint64_t bytes = 0;           ///< of values
+    std::uint64_t cells_fused = 0;     ///< by this call, rows that were combined
+    double observe_s = 0, fuse_s = 0;  ///< time this call took; not part of any result
+  };
+  std::uint64_t patches = 0;
+  std::uint64_t total_conflicts = 0;  ///< cells with K = 1 in this call
+  std::uint64_t patches_dropped = 0;  ///< left the requirements (to the store, if there is one)
+  std::uint64_t layers_resampled = 0;
+  std::vector<OfType> types;
+};
+
+/// The vehicle-side map (paper, Sec. III): measurements go in, a fused adaptive patched grid map comes out
+/// that follows the vehicle and the requirements.
+///
+/// Without a profile every observed patch is kept at one cell size. With one, per patch and type: the layer
+/// exists where the profile wants it round the vehicle's last position, at r_req; existing layers are split
+/// or merged when r_req changes; layers and patches that are no longer wanted leave: to the store, whence
+/// they come back when they are wanted again, or, without a store, for good. A new profile holds from the
+/// next call of move_to or add on. Layers without data do not exist.
+///
+/// Guarantees: same map for the same calls on every machine, whatever `max_memory_bytes` is. One thread.
+class Mapper {
+ public:
+  /// @param frame     of the map
+  /// @param models    give the layer types; the map's occupancy type is `conditional`, since it fuses many
+  /// scans
+  /// @param store     outlives the mapper; nullptr: none
+  /// @throws Error{kInvalidArgument} on options out of range, max_memory_bytes without a store
+  Mapper(const Frame& frame, const Models& models, const MapperOptions& options = {},
+         PatchStore* store = nullptr);
+  ~Mapper();
+  Mapper(Mapper&&) noexcept;
+  Mapper& operator=(Mapper&&) noexcept;
+
+  /// @throws Error as Profile::check; the old profile then stays
+  void set_profile(std::optional<Profile> profile);
+
+  /// The vehicle is at `vehicle` at `stamp_ns`: ages the map, drops and resamples layers. A stamp before the
+  /// last one is taken as the last one.
+  MapperReport move_to(Point vehicle, std::int64_t stamp_ns);
+
+  /// Observes and fuses one measurement; ages to its stamp. With a profile, call move_to first: what lies
+  /// outside the requirements is not observed.
+  /// @param alpha  trust in the source, in [0, 1]: discounted by this first
+  MapperReport add(const RangeScan& scan, float alpha = 1.0f);
+  MapperReport add(const LabelledGround& image, float alpha = 1.0f);
+  /// Fuses layers made elsewhere (a sensor module): types are matched by name, unknown ones are added; same
+  /// frame. They are brought to r_req first; without a profile to the finer of the two.
+  /// @throws Error{kIncompatible} as fused_types, or if the frames differ
+  MapperReport add(const PatchSource& measurement, float alpha = 1.0f);
+
+  /// The patches in memory: with a profile the required ones, else all since the last `flush` or eviction.
+  const Map& map() const;
+  /// What changed in map() since the last call.
+  MapChanges take_changes();
+  /// Gives all patches to the store. @throws Error{kInvalidArgument} without a store
+  void flush();
+  const Skipped& skipped() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace apgm

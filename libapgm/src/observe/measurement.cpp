@@ -1,0 +1,1 @@
+#include "apgm/observe/measurement.hpp"

@@ -1,0 +1,1 @@
+#include "apgm/observe/model.hpp"
