@@ -31,15 +31,40 @@ struct Profile {
   std::string name;
   std::vector<Requirement> requirements;
 
-  /// r_req: the greatest step among the requirements on `layer` whose area meets the closed square of
-  /// `patch`; nullopt if none does: the layer is not wanted there.
+  /// As ProfileInFrame, for few questions.
   std::optional<int> required_step(const Frame& frame, PatchIndex patch, std::string_view layer,
                                    Point vehicle) const;
-  /// Patches that any requirement may want, a superset that is tight for discs.
   PatchRange reach(const Frame& frame, Point vehicle) const;
   /// @throws Error{kInvalidArgument} on a layer that is not in `types`, a cell size that is no power-of-two
-  /// part of the edge, rings of one layer that overlap, a polygon without area
+  /// part of the edge, a ring that is empty or ends beyond 1e6 m, rings of one layer that overlap (touching
+  /// is fine), a polygon without area
   void check(const Frame& frame, const TypeTable& types) const;
+};
+
+/// A profile made ready for the patches of a frame: for questions about many patches. Decisions are exact,
+/// with the vehicle, radii and corners of patches in whole nanometres.
+class ProfileInFrame {
+ public:
+  /// @throws Error as Frame::step_for and PolygonArea, {kInvalidArgument} on a ring out of range; not if
+  ///         Profile::check has passed
+  ProfileInFrame(const Profile& profile, const Frame& frame);
+
+  /// r_req: the greatest step among the requirements on `layer` whose area meets `patch`; nullopt if none
+  /// does: the layer is not wanted there. A ring meets a patch whose closed square has a point in it, a
+  /// polygon one that it shares area with.
+  /// @throws Error{kInvalidArgument|kLimit} if `vehicle` is not finite or outside all patches
+  std::optional<int> required_step(PatchIndex patch, std::string_view layer, Point vehicle) const;
+  /// Patches that any requirement may want, a superset that is tight for discs.
+  PatchRange reach(Point vehicle) const;
+
+ private:
+  struct Area {
+    std::string layer;
+    int step = 0;
+    std::variant<Ring, PolygonArea> shape;
+  };
+  Frame frame_;
+  std::vector<Area> areas_;
 };
 
 /// Profiles and when each begins to hold, in seconds since the first measurement; the first at 0.
@@ -49,7 +74,7 @@ struct Schedule {
     Profile profile;
   };
   std::vector<Entry> entries;  ///< ascending in from_s
-  /// The profile that holds at `t_s`.
+  /// The profile that holds at `t_s`; before 0 the first. @throws Error{kInvalidArgument} without entries
   const Profile& at(double t_s) const;
 };
 

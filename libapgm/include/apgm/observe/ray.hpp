@@ -22,17 +22,22 @@ struct RayRun {
 
 /// Walks segments through patches whose cells differ in size from patch to patch.
 ///
-/// Guarantees: end points are taken to the nearest nanometre; from there on all is exact integer arithmetic:
-/// each half-open cell whose area the segment meets is visited once, in order, the cell of the end last, and
-/// none else; a segment that passes exactly through a corner visits the two cells it has length in (and the
-/// end cells). A segment and its reverse visit the same cells but for those it only touches at a corner or
-/// along an edge. Same cells on every machine.
+/// Guarantees: end points are taken to the nearest nanometre; from there on all is exact integer arithmetic.
+/// Visited are the cells that hold a piece of the segment of positive length, and those of its two ends; each
+/// once, in order, the cell of the end last, none else. Cells are half-open: a segment along an edge runs in
+/// the upper or right cell, one that passes exactly through a corner goes from one cell to the one across.
+/// Consecutive cells share a side or a corner. The reverse of a segment visits the same cells in reverse.
+/// Same cells on every machine.
+///
+/// Cost: about a nanosecond a cell, some tens more a patch.
 class RayWalker {
  public:
   explicit RayWalker(const Frame& frame);
-  /// @param step_of  asked once per patch met; patches without a step are passed over
-  /// @param visit    called per patch, in order; `last` is true for the run that holds the end point
-  /// @throws Error{kInvalidArgument|kLimit} if a point is not finite or outside all patches
+  /// @param step_of  asked once per patch met, in order; patches without a step are passed over
+  /// @param visit    called per patch, in order; `last` is true for the run that holds the end point. The
+  ///                 cells of a run are valid during the call
+  /// @throws Error{kInvalidArgument} if a point is not finite, {kLimit} if one lies outside all patches, the
+  ///         segment is longer than 1000 km along an axis, or a step is not in 0..11
   void walk(Point from, Point to, const StepOf& step_of,
             const std::function<void(const RayRun& run, bool last)>& visit);
 
