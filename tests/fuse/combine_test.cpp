@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstring>
 #include <numeric>
 
 #include "apgm/core/error.hpp"
@@ -197,6 +198,34 @@ TEST_P(CombineRule, OutputMayBeAnInput) {
   }
 }
 
+TEST_P(CombineRule, RowsAloneGiveTheBitsOfTheWhole) {
+  const auto& [type, rule] = GetParam();
+  Random random(20);
+  for (std::size_t n = 1; n <= 4; ++n) {
+    const std::vector<Layer> layers = some_layers(type, n, random);
+    std::vector<const Layer*> inputs;
+    for (const Layer& layer : layers) inputs.push_back(&layer);
+    Layer whole;
+    combine(inputs, type, rule, whole);
+    for (const RowRange rows : {RowRange{0, 16}, RowRange{3, 4}, RowRange{5, 12}, RowRange{7, 7}}) {
+      // Into a layer of its own, and in place into an input.
+      for (Layer out : {Layer(type, 4), layers[0]}) {
+        const Layer before = out;
+        if (same_cells(out, layers[0])) inputs[0] = &out;
+        combine_rows(inputs, type, rule, out, rows);
+        inputs[0] = &layers[0];
+        for (int c = 0; c < out.channels(); ++c) {
+          for (int b = 0; b < 16; ++b) {
+            const Layer& want = b >= rows.begin && b < rows.end ? whole : before;
+            ASSERT_EQ(std::memcmp(&out.plane(c)[b * 16], &want.plane(c)[b * 16], 64), 0)
+                << n << ", row " << b;
+          }
+        }
+      }
+    }
+  }
+}
+
 TEST_P(EvidenceRule, KeepsMassesValid) {
   const auto& [type, rule] = GetParam();
   Random random(17);
@@ -283,6 +312,30 @@ TEST(Combine, TakesTheNewestStampAndRefusesOtherShapes) {
   combine_all({a, b}, kOccupancy, Rule::kDempster, out);
   EXPECT_EQ(out.stamp_ns, 9);
   EXPECT_THROW(combine_all({a, c}, kOccupancy, Rule::kDempster, out), Error);
+}
+
+TEST(CombineRows, CountsTheirConflictsAndKeepsTheNewestStamp) {
+  Layer a(kOccupancy, 2), b(kOccupancy, 2);
+  for (const std::size_t i : {0u, 5u, 6u}) a.plane(0)[i] = b.plane(1)[i] = 1.0f;
+  a.stamp_ns = 9;
+  b.stamp_ns = 5;
+  Layer out(kOccupancy, 2);
+  out.stamp_ns = 12;
+  const std::array<const Layer*, 2> in{&a, &b};
+  EXPECT_EQ(combine_rows(in, kOccupancy, Rule::kDempster, out, {1, 2}).total_conflicts, 2u);
+  EXPECT_EQ(out.stamp_ns, 12);
+  EXPECT_EQ(combine_rows(in, kOccupancy, Rule::kDempster, a, {0, 1}).total_conflicts, 1u);
+  EXPECT_EQ(a.stamp_ns, 9);
+}
+
+TEST(CombineRows, RefusesOtherShapesAndRowsOutside) {
+  const Layer a(kOccupancy, 2);
+  const std::array<const Layer*, 1> in{&a};
+  Layer out(kOccupancy, 3), right(kOccupancy, 2);
+  EXPECT_THROW(combine_rows(in, kOccupancy, Rule::kDempster, out, {0, 1}), Error);
+  EXPECT_THROW(combine_rows(in, kOccupancy, Rule::kDempster, right, {-1, 1}), Error);
+  EXPECT_THROW(combine_rows(in, kOccupancy, Rule::kDempster, right, {0, 5}), Error);
+  EXPECT_NO_THROW(combine_rows(in, kOccupancy, Rule::kDempster, right, {0, 4}));
 }
 
 TEST(Rule, NamesGoBothWays) {

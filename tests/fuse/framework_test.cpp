@@ -58,6 +58,60 @@ TEST(LayerFuser, DiscountsAnInput) {
   EXPECT_TRUE(same_cells(want, got));
 }
 
+TEST(LayerFuser, OutputMayBeAnInputAtAnyStep) {
+  Random random(65);
+  LayerFuser fuser;
+  for (const auto& [first, second] : {std::pair{4, 4}, std::pair{3, 5}, std::pair{5, 3}, std::pair{0, 6}}) {
+    for (const std::optional<int> required : {std::optional<int>{}, std::optional<int>{2}}) {
+      for (const float alpha : {1.0f, 0.5f}) {
+        Layer a = test::random_occupancy(first, random), b = test::random_occupancy(second, random), want;
+        a.stamp_ns = 3;
+        b.stamp_ns = 7;
+        const std::array<FuseInput, 2> inputs{{{&a, &kConditional, alpha}, {&b, &kConditional, 1.0f}}};
+        std::vector<float> k, k_in_place;
+        fuser.fuse(inputs, required, Rule::kDempster, want, &k);
+        Layer kept = a;
+        fuser.fuse(inputs, required, Rule::kDempster, a, &k_in_place);
+        EXPECT_TRUE(same_cells(want, a)) << first << ' ' << second;
+        EXPECT_EQ(k, k_in_place);
+        EXPECT_EQ(a.stamp_ns, 7);
+        std::swap(a, kept);
+        fuser.fuse(inputs, required, Rule::kDempster, b);
+        EXPECT_TRUE(same_cells(want, b)) << first << ' ' << second;
+      }
+    }
+  }
+}
+
+TEST(LayerFuser, LargeLayersAreMadeInStripsWithTheSameBits) {
+  // Beyond what one strip holds.
+  Random random(66);
+  const Layer fine = test::random_occupancy(9, random), coarse = test::random_occupancy(3, random);
+  Layer discounted = fine, split, want, got;
+  discount(discounted, kConditional, 0.75f);
+  resample(coarse, kConditional, 9, split);
+  combine(std::array<const Layer*, 2>{&discounted, &split}, kConditional, Rule::kYager, want);
+  LayerFuser().fuse(std::array<FuseInput, 2>{{{&fine, &kConditional, 0.75f}, {&coarse, &kConditional, 1.0f}}},
+                    {}, Rule::kYager, got);
+  EXPECT_TRUE(same_cells(want, got));
+}
+
+TEST(LayerFuser, RefusesWhatDoesNotFit) {
+  const Layer a(kConditional, 2);
+  const LayerType other = LayerType::occupancy("other");
+  LayerFuser fuser;
+  Layer out;
+  const auto fuse = [&](const LayerType& type, float alpha, int required) {
+    fuser.fuse(std::array<FuseInput, 2>{{{&a, &kConditional, 1.0f}, {&a, &type, alpha}}}, required,
+               Rule::kDempster, out);
+  };
+  EXPECT_NO_THROW(fuse(kConditional, 0.5f, 1));
+  EXPECT_THROW(fuse(other, 1.0f, 1), Error);
+  EXPECT_THROW(fuse(kConditional, 1.5f, 1), Error);
+  EXPECT_THROW(fuse(kConditional, NAN, 1), Error);
+  EXPECT_THROW(fuse(kConditional, 1.0f, -1), Error);
+}
+
 TEST(FusedTypes, JoinsByName) {
   const TypeTable a({kExclusive, LayerType::real("height", {"z"}, Policy::kMaximum)});
   const TypeTable b({kExclusive, LayerType::semantic("surface", {"Road", "Grass"})});

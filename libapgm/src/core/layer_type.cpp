@@ -119,4 +119,20 @@ std::optional<TypeId> TypeTable::find(std::string_view name) const {
   return static_cast<TypeId>(it - types_.begin());
 }
 
+std::vector<TypeId> matching_ids(const TypeTable& from, const TypeTable& to) {
+  std::vector<TypeId> ids;
+  ids.reserve(from.size());
+  for (const LayerType& type : from) {
+    const auto id = to.find(type.name);
+    if (!id) throw Error(ErrorCode::kIncompatible, "layer type '" + type.name + "' is missing");
+    // The background of a real channel is 0 for counts, else no number.
+    const bool counts = type.policy == Policy::kSum;
+    if (!to[*id].same_space(type) || (to[*id].policy == Policy::kSum) != counts) {
+      throw Error(ErrorCode::kIncompatible, "layer type '" + type.name + "' stands for another space");
+    }
+    ids.push_back(*id);
+  }
+  return ids;
+}
+
 }  // namespace apgm

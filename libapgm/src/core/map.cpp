@@ -73,6 +73,25 @@ void Map::prune() {
   std::erase_if(patches_, [](const auto& p) { return p.second.layers.empty(); });
 }
 
+std::optional<Layer> Map::extract(PatchIndex index, TypeId type) {
+  const auto patch = patches_.find(curve_key(index));
+  if (patch == patches_.end()) return {};
+  auto node = patch->second.layers.extract(type);
+  if (patch->second.layers.empty()) patches_.erase(patch);
+  if (node.empty()) return {};
+  return std::move(node.mapped());
+}
+
+void Map::set_types(const TypeTable& types) {
+  const std::vector<TypeId> ids = matching_ids(header_.types, types);
+  for (auto& [key, patch] : patches_) {
+    std::map<TypeId, Layer> layers;
+    for (auto& [type, layer] : patch.layers) layers.emplace(ids[type], std::move(layer));
+    patch.layers = std::move(layers);
+  }
+  header_.types = types;
+}
+
 Summary Map::summary() const {
   Summary s;
   s.patches = patches_.size();

@@ -32,38 +32,53 @@ struct RunningSum {
 };
 
 APGM_INLINE Occupancy occupancy(float o, float f) {
-  RunningSum s;
-  s.sum = o;
-  s.add(f);
-  return {o, f, s.rest()};
+  // Fast two-sum (Dekker), which needs the greater first: the bits of RunningSum in fewer operations.
+  const float hi = o > f ? o : f, lo = o > f ? f : o;
+  const float sum = hi + lo;
+  return {o, f, RunningSum{sum, lo - (sum - hi)}.rest()};
 }
 
 /// Products of two masses may underflow where all that is left after the conflict is small; scaled by this
 /// power of two they do not, and no bit of a quotient changes.
 inline constexpr float kProductScale = 0x1p100f;
 
-/// Dempster's rule (paper, Sec. III-A), divided by the sum of the unnormalised masses in place of 1 - K:
-/// 1 - K loses up to 5.6e-5 at high conflict in float32, the sum 2e-7. Symmetric to the last bit.
-/// K = 1 gives (0, 0, 0).
-APGM_INLINE Occupancy dempster(const Occupancy& a, const Occupancy& b) {
+/// Unnormalised masses of Dempster's rule, times kProductScale. `sum` is theirs: 0 if and only if K = 1.
+struct Conjunction {
+  float o = 0;
+  float f = 0;
+  float u = 0;
+  float sum = 0;
+};
+
+/// Symmetric to the last bit.
+APGM_INLINE Conjunction conjoin(const Occupancy& a, const Occupancy& b) {
   const float ao = a.o * kProductScale, af = a.f * kProductScale, au = a.u * kProductScale;
   const float o = ao * b.o + (ao * b.u + au * b.o);
   const float f = af * b.f + (af * b.u + au * b.f);
-  const float w = au * b.u;
-  const float sum = (o + f) + w;
-  const float divisor = sum == 0.0f ? 1.0f : sum;
-  const float m_o = o / divisor;
-  const float m_f = f / divisor;
-  // Both quotients are rounded: without the bound their sum may exceed 1 by one unit.
-  const float most = 1.0f - m_o;
-  return {m_o, m_f < most ? m_f : most, w / divisor};
+  const float u = au * b.u;
+  return {o, f, u, (o + f) + u};
+}
+
+/// Dempster's rule (paper, Sec. III-A), divided by the sum of the unnormalised masses in place of 1 - K:
+/// 1 - K loses up to 5.6e-5 at high conflict in float32, the sum 2e-7. K = 1 gives (0, 0, 0). Not yet
+/// bounded.
+APGM_INLINE Occupancy dempster(const Conjunction& c) {
+  const float divisor = c.sum == 0.0f ? 1.0f : c.sum;
+  return {c.o / divisor, c.f / divisor, c.u / divisor};
+}
+
+/// Both quotients are rounded: their sum may exceed 1 by one unit. Bounded after the last fold only: between
+/// folds a small m(F) beside m(O) = 1 would be lost, which a later conflict may make great.
+APGM_INLINE Occupancy bounded(const Occupancy& m) {
+  const float most = 1.0f - m.o;
+  return {m.o, m.f < most ? m.f : most, m.u};
 }
 
 /// The same, but a vacuous BBA leaves the bits of the other.
 APGM_INLINE Occupancy dempster_data(const Occupancy& a, const Occupancy& b) {
   if (a.o == 0.0f && a.f == 0.0f && a.u > 0.0f) return b;
   if (b.o == 0.0f && b.f == 0.0f) return a;
-  return dempster(a, b);
+  return dempster(conjoin(a, b));
 }
 
 /// K of two BBAs.

@@ -13,22 +13,27 @@ namespace {
 /// Combines block by block; one object a call of combine().
 class Blocks {
  public:
-  Blocks(std::span<const Layer* const> inputs, const LayerType& type, Rule rule, Layer& out, float* conflict)
+  Blocks(std::span<const ConstCells> inputs, const LayerType& type, Rule rule, const Cells& out,
+         std::size_t cells, float* conflict, CombineScratch& scratch)
       : inputs_(inputs),
         type_(type),
         rule_(rule),
         out_(out),
+        cells_(cells),
         conflict_(conflict),
         channels_(type.channels.size()),
         hypotheses_(type.hypotheses.size()),
         width_(type.is_evidence() ? hypotheses_ + 1 : channels_),
-        rows_(inputs.size() * width_ * kBlock),
-        holds_(inputs.size() * kBlock) {}
+        rows_(scratch.rows),
+        holds_(scratch.holds) {
+    rows_.resize(inputs.size() * width_ * kBlock);
+    holds_.resize(inputs.size() * kBlock);
+  }
 
   std::uint64_t run() {
     std::uint64_t total = 0;
-    for (std::size_t begin = 0; begin < out_.cells(); begin += kBlock) {
-      const std::size_t count = std::min(kBlock, out_.cells() - begin);
+    for (std::size_t begin = 0; begin < cells_; begin += kBlock) {
+      const std::size_t count = std::min(kBlock, cells_ - begin);
       read(begin, count);
       // Also for kMax, where it breaks ties. kLast is the one rule that must see the given order.
       if (rule_ != Rule::kLast) fuse::sort_inputs(rows_.data(), inputs_.size(), width_);
@@ -50,7 +55,7 @@ class Blocks {
       for (std::size_t c = 0; c < width_; ++c) {
         float* row = input(i) + c * kBlock;
         if (c < channels_) {
-          std::copy_n(inputs_[i]->plane(static_cast<int>(c)).data() + begin, count, row);
+          std::copy_n(inputs_[i][c] + begin, count, row);
           std::fill(row + count, row + kBlock, type_.background(static_cast<int>(c)));
         } else {
           fuse::omit_masses(input(i), hypotheses_, row);
@@ -102,6 +107,7 @@ class Blocks {
       fuse::fold(input(0), input(i), hypotheses_, normalise, held.data(), holds(i),
                  conflict_ != nullptr ? k_.data() : nullptr);
     }
+    fuse::bound_masses(input(0), hypotheses_, held.data());
     if (!normalise) {
       give_rest_to_omega(held);
       return 0;
@@ -207,29 +213,55 @@ class Blocks {
 
   void write(std::size_t begin, std::size_t count) {
     for (std::size_t c = 0; c < channels_; ++c) {
-      std::copy_n(input(0) + c * kBlock, count, out_.plane(static_cast<int>(c)).data() + begin);
+      std::copy_n(input(0) + c * kBlock, count, out_[c] + begin);
     }
     if (conflict_ != nullptr) std::copy_n(k_.data(), count, conflict_ + begin);
   }
 
-  std::span<const Layer* const> inputs_;
+  std::span<const ConstCells> inputs_;
   const LayerType& type_;
   Rule rule_;
-  Layer& out_;
+  const Cells& out_;
+  std::size_t cells_;
   float* conflict_;
   std::size_t channels_;
   std::size_t hypotheses_;
   std::size_t width_;
-  std::vector<float> rows_;
-  std::vector<std::int32_t> holds_;
+  std::vector<float>& rows_;
+  std::vector<std::int32_t>& holds_;
   std::array<float, kBlock> k_;
 };
 
 }  // namespace
 
-std::uint64_t combine_blocks(std::span<const Layer* const> inputs, const LayerType& type, Rule rule,
-                             Layer& out, float* conflict) {
-  return Blocks(inputs, type, rule, out, conflict).run();
+std::uint64_t combine_blocks(std::span<const ConstCells> inputs, const LayerType& type, Rule rule,
+                             const Cells& out, std::size_t cells, float* conflict, CombineScratch& scratch) {
+  return Blocks(inputs, type, rule, out, cells, conflict, scratch).run();
+}
+
+std::uint64_t combine_cells(std::span<const ConstCells> inputs, const LayerType& type, Rule rule,
+                            const Cells& out, std::size_t cells, float* conflict, CombineScratch& scratch) {
+  if (!type.is_evidence() && (rule == Rule::kDempster || rule == Rule::kYager)) rule = Rule::kMean;
+  if (inputs.size() == 1) {
+    for (std::size_t c = 0; c < type.channels.size() && inputs[0][c] != out[c]; ++c) {
+      std::copy_n(inputs[0][c], cells, out[c]);
+    }
+    if (conflict != nullptr) std::fill_n(conflict, cells, 0.0f);
+    return 0;
+  }
+  if (inputs.size() == 2 && type.is_occupancy() && rule == Rule::kDempster) {
+    const OccupancyPlanes a{inputs[0][0], inputs[0][1]}, b{inputs[1][0], inputs[1][1]};
+    const OccupancyOut z{out[0], out[1]};
+    return conflict == nullptr ? dempster_two(a, b, z, cells) : dempster_two(a, b, z, conflict, cells);
+  }
+  return combine_blocks(inputs, type, rule, out, cells, conflict, scratch);
+}
+
+void discount_cells(const Cells& cells, const LayerType& type, float alpha, std::size_t count) {
+  if (!type.is_evidence() || alpha == 1.0f) return;
+  const std::size_t masses = type.hypotheses.size();
+  for (std::size_t c = 0; c < masses; ++c) fuse::discount_masses(cells[c], alpha, count);
+  if (type.stores_omega()) fuse::discount_omega(cells[masses], alpha, count);
 }
 
 }  // namespace apgm::fuse

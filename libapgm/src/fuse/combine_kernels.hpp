@@ -45,4 +45,11 @@ void holds_belief(const float* rows, std::size_t hypotheses, std::int32_t* holds
 void fold(Rows acc, const float* in, std::size_t hypotheses, bool normalise, std::int32_t* held,
           const std::int32_t* holds, float* k);
 
+/// After the last fold: cuts the masses of cells that two or more inputs hold to a float32 sum of at most 1.
+void bound_masses(Rows acc, std::size_t hypotheses, const std::int32_t* held);
+
+/// m <- alpha m, and m(Omega) <- 1 - alpha (1 - m(Omega)), the form that keeps 1 exact.
+void discount_masses(float* m, float alpha, std::size_t cells);
+void discount_omega(float* m, float alpha, std::size_t cells);
+
 }  // namespace apgm::fuse

@@ -23,11 +23,12 @@ APGM_INLINE std::uint64_t dempster_two(OccupancyPlanes a, OccupancyPlanes b, Occ
     for (std::size_t i = begin; i < end; ++i) {
       const Occupancy x = occupancy(a.o[i], a.f[i]);
       const Occupancy y = occupancy(b.o[i], b.f[i]);
-      const Occupancy z = dempster(x, y);
+      const Conjunction both = conjoin(x, y);
+      const Occupancy z = bounded(dempster(both));
       if constexpr (kConflict) k[i] = conflict(x, y);
       const bool x_holds = (x.o != 0.0f) | (x.f != 0.0f);
       const bool y_holds = (y.o != 0.0f) | (y.f != 0.0f);
-      dead += (z.o + z.f) + z.u == 0.0f ? 1u : 0u;
+      dead += both.sum == 0.0f ? 1u : 0u;
       const float o = y_holds ? z.o : x.o;
       const float f = y_holds ? z.f : x.f;
       out.o[i] = x_holds ? o : y.o;
@@ -132,7 +133,23 @@ APGM_INLINE void fold_conflict(const float* acc, const float* in, std::size_t hy
   }
 }
 
-/// The same arithmetic as dempster() on {O, F}, in the same order.
+/// The quotients of a fold are rounded: their sum may exceed 1 by a few units. Only at the end: between folds
+/// it would take the small masses that a later conflict makes great.
+APGM_INLINE void bound_masses(float* __restrict acc, std::size_t hypotheses, const std::int32_t* held) {
+  float before[kBlock] = {};
+  for (std::size_t c = 0; c < hypotheses; ++c) {
+    float* __restrict a = acc + c * kBlock;
+    for (std::size_t x = 0; x < kBlock; ++x) {
+      const float room = 1.0f - before[x];
+      const float most = room > 0.0f ? room : 0.0f;
+      const float m = (held[x] > 1) & (a[x] > most) ? most : a[x];
+      before[x] += m;
+      a[x] = m;
+    }
+  }
+}
+
+/// The same arithmetic as conjoin() and dempster() on {O, F}, in the same order.
 APGM_INLINE void fold(float* __restrict acc, const float* in, std::size_t hypotheses, bool normalise,
                       std::int32_t* __restrict held, const std::int32_t* holds) {
   const float scale = normalise ? kProductScale : 1.0f;
@@ -154,18 +171,11 @@ APGM_INLINE void fold(float* __restrict acc, const float* in, std::size_t hypoth
     sum[x] += product[hypotheses][x];
     sum[x] = normalise && sum[x] != 0.0f ? sum[x] : 1.0f;
   }
-  float before[kBlock] = {};  // sum of the masses but the last
   for (std::size_t c = 0; c <= hypotheses; ++c) {
-    const bool omega = c == hypotheses;
     float* __restrict a = acc + c * kBlock;
     const float* b = in + c * kBlock;
     for (std::size_t x = 0; x < kBlock; ++x) {
-      float m = product[c][x] / sum[x];
-      const float room = 1.0f - before[x];
-      const float most = room > 0.0f ? room : 0.0f;
-      m = !omega & (m > most) ? most : m;
-      before[x] += omega ? 0.0f : m;
-      const float merged = holds[x] != 0 ? m : a[x];
+      const float merged = holds[x] != 0 ? product[c][x] / sum[x] : a[x];
       a[x] = held[x] > 0 ? merged : b[x];
     }
   }

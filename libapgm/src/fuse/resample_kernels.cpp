@@ -13,4 +13,8 @@ APGM_CLONES void split_cells(Policy policy, int levels, const float* o, const fl
   loop::split_cells(policy, levels, o, f, out_o, out_f, n);
 }
 
+APGM_CLONES void spread_row(const float* from, int levels, float* to, std::size_t n) {
+  loop::spread_row(from, levels, to, n);
+}
+
 }  // namespace apgm::fuse

@@ -26,4 +26,7 @@ void merge_rows(Policy policy, const RowPair& in, float* o, float* f, std::size_
 void split_cells(Policy policy, int levels, const float* o, const float* f, float* out_o, float* out_f,
                  std::size_t n);
 
+/// Each of `n` values 2^levels times, side by side; levels >= 1.
+void spread_row(const float* from, int levels, float* to, std::size_t n);
+
 }  // namespace apgm::fuse

@@ -75,15 +75,21 @@ APGM_INLINE void merge_rows(Policy policy, const RowPair& in, float* o, float* f
   }
 }
 
-template <Policy kPolicy>
+/// `kLevels` levels, or `levels` where it is 0: a number the compiler knows lets the loop over cells be
+/// vector code.
+template <Policy kPolicy, int kLevels>
 APGM_INLINE void split_cells(int levels, const float* o, const float* f, float* __restrict out_o,
                              float* __restrict out_f, std::size_t n) {
+  const int halvings = 2 * (kLevels > 0 ? kLevels : levels);
   APGM_IVDEP
   for (std::size_t i = 0; i < n; ++i) {
     float part = o[i];
     float rest = 1.0f - part;
     float free = f[i];
-    for (int h = 0; h < 2 * levels; ++h) {
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC unroll 6
+#endif
+    for (int h = 0; h < halvings; ++h) {
       halve(part, rest);
       // The product of the parts must give m(F) back: its n-th root.
       if constexpr (kPolicy == Policy::kProduct) free = std::sqrt(free);
@@ -92,6 +98,21 @@ APGM_INLINE void split_cells(int levels, const float* o, const float* f, float* 
     if constexpr (kPolicy == Policy::kProduct) free = least(free, 1.0f - part);
     out_o[i] = part;
     out_f[i] = free;
+  }
+}
+
+template <Policy kPolicy>
+APGM_INLINE void split_cells(int levels, const float* o, const float* f, float* out_o, float* out_f,
+                             std::size_t n) {
+  switch (levels) {
+    case 1:
+      return split_cells<kPolicy, 1>(levels, o, f, out_o, out_f, n);
+    case 2:
+      return split_cells<kPolicy, 2>(levels, o, f, out_o, out_f, n);
+    case 3:
+      return split_cells<kPolicy, 3>(levels, o, f, out_o, out_f, n);
+    default:
+      return split_cells<kPolicy, 0>(levels, o, f, out_o, out_f, n);
   }
 }
 
@@ -104,6 +125,22 @@ APGM_INLINE void split_cells(Policy policy, int levels, const float* o, const fl
       return split_cells<Policy::kProduct>(levels, o, f, out_o, out_f, n);
     default:
       return split_cells<Policy::kConditional>(levels, o, f, out_o, out_f, n);
+  }
+}
+
+template <std::size_t kCopies>
+APGM_INLINE void spread_row(const float* from, float* __restrict to, std::size_t n) {
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < kCopies; ++k) to[kCopies * i + k] = from[i];
+  }
+}
+
+APGM_INLINE void spread_row(const float* from, int levels, float* to, std::size_t n) {
+  if (levels == 1) return spread_row<2>(from, to, n);
+  if (levels == 2) return spread_row<4>(from, to, n);
+  const std::size_t eights = std::size_t{1} << (levels - 3);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < 8 * eights; ++k) to[8 * eights * i + k] = from[i];
   }
 }
 

@@ -15,13 +15,14 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-/// Calls visit(index in `in`) for the cells under cell `i` of `out`, row by row.
+/// Calls visit(index in the input) for the cells under the `i`-th of `cells`, row by row.
 template <class Visit>
-void visit_cells(const Layer& in, const Layer& out, std::size_t i, Visit&& visit) {
-  const int levels = in.step() - out.step();
+void visit_cells(const CoarseCells& cells, std::size_t i, Visit&& visit) {
+  const int levels = cells.in.step() - cells.step;
   const std::size_t n = std::size_t{1} << levels;
-  const std::size_t side = static_cast<std::size_t>(out.side());
-  const std::size_t first = (i / side * n) * (side * n) + i % side * n;
+  const std::size_t side = std::size_t{1} << cells.step;
+  const std::size_t cell = cells.first + i;
+  const std::size_t first = (cell / side * n) * (side * n) + cell % side * n;
   for (std::size_t b = 0; b < n; ++b) {
     for (std::size_t a = 0; a < n; ++a) visit(first + b * (side * n) + a);
   }
@@ -56,14 +57,14 @@ struct Pool {
 
 }  // namespace
 
-void merge_evidence(const Layer& in, const LayerType& type, Layer& out) {
+void merge_evidence(const CoarseCells& cells, const LayerType& type, std::span<float* const> out) {
   const std::size_t hypotheses = type.hypotheses.size();
-  const float* omega = in.plane(static_cast<int>(hypotheses)).data();
+  const float* omega = cells.in.plane(static_cast<int>(hypotheses)).data();
   std::array<const float*, 16> m{};
-  for (std::size_t k = 0; k < hypotheses; ++k) m[k] = in.plane(static_cast<int>(k)).data();
-  for (std::size_t i = 0; i < out.cells(); ++i) {
+  for (std::size_t k = 0; k < hypotheses; ++k) m[k] = cells.in.plane(static_cast<int>(k)).data();
+  for (std::size_t i = 0; i < cells.count; ++i) {
     std::array<double, 16> lambda{};
-    visit_cells(in, out, i, [&](std::size_t cell) {
+    visit_cells(cells, i, [&](std::size_t cell) {
       double sum = 0;
       for (std::size_t k = 0; k < hypotheses; ++k) sum += static_cast<double>(m[k][cell]);
       if (!(sum > 0)) return;
@@ -73,67 +74,69 @@ void merge_evidence(const Layer& in, const LayerType& type, Layer& out) {
     std::array<float, 16> merged{};
     float left = 1;
     masses_from_evidence(lambda.data(), hypotheses, merged.data(), left);
-    for (std::size_t k = 0; k < hypotheses; ++k) out.plane(static_cast<int>(k))[i] = merged[k];
-    out.plane(static_cast<int>(hypotheses))[i] = left;
+    for (std::size_t k = 0; k < hypotheses; ++k) out[k][i] = merged[k];
+    out[hypotheses][i] = left;
   }
 }
 
-void split_evidence(const Layer& in, const LayerType& type, int levels, Layer& out) {
-  const int hypotheses = static_cast<int>(type.hypotheses.size());
-  for (std::size_t i = 0; i < in.cells(); ++i) {
+void split_evidence(const ConstCells& in, const LayerType& type, int levels, const Cells& out,
+                    std::size_t count) {
+  const std::size_t hypotheses = type.hypotheses.size();
+  for (std::size_t i = 0; i < count; ++i) {
     double sum = 0;
-    for (int k = 0; k < hypotheses; ++k) sum += static_cast<double>(in.plane(k)[i]);
-    double part = sum <= 0.5 ? sum : 1.0 - static_cast<double>(in.plane(hypotheses)[i]);
+    for (std::size_t k = 0; k < hypotheses; ++k) sum += static_cast<double>(in[k][i]);
+    const float omega = in[hypotheses][i];
+    double part = sum <= 0.5 ? sum : 1.0 - static_cast<double>(omega);
     double rest = 1.0 - part;
     for (int h = 0; h < 2 * levels; ++h) {
       rest = std::sqrt(rest);
       part = part / (1.0 + rest);
     }
     const double share = sum > 0 ? part / sum : 0.0;
-    for (int k = 0; k < hypotheses; ++k) {
-      out.plane(k)[i] = static_cast<float>(static_cast<double>(in.plane(k)[i]) * share);
+    for (std::size_t k = 0; k < hypotheses; ++k) {
+      out[k][i] = static_cast<float>(static_cast<double>(in[k][i]) * share);
     }
-    out.plane(hypotheses)[i] = sum > 0 ? static_cast<float>(1.0 - part) : in.plane(hypotheses)[i];
+    out[hypotheses][i] = sum > 0 ? static_cast<float>(1.0 - part) : omega;
   }
 }
 
-void merge_median(const Layer& in, Layer& out) {
-  const float *o = in.plane(0).data(), *f = in.plane(1).data();
+void merge_median(const CoarseCells& cells, std::span<float* const> out) {
+  const float *o = cells.in.plane(0).data(), *f = cells.in.plane(1).data();
   std::vector<float> phi;
-  for (std::size_t i = 0; i < out.cells(); ++i) {
+  for (std::size_t i = 0; i < cells.count; ++i) {
     float merged = 0;
     phi.clear();
-    visit_cells(in, out, i, [&](std::size_t cell) {
+    visit_cells(cells, i, [&](std::size_t cell) {
       merged = loop::either(merged, o[cell]);
       phi.push_back(loop::conditional_free(o[cell], f[cell]));
     });
-    out.plane(0)[i] = merged;
-    out.plane(1)[i] = (1.0f - merged) * median(phi);
+    out[0][i] = merged;
+    out[1][i] = (1.0f - merged) * median(phi);
   }
 }
 
-void merge_dempster(const Layer& in, Layer& out) {
-  const float *o = in.plane(0).data(), *f = in.plane(1).data();
-  for (std::size_t i = 0; i < out.cells(); ++i) {
+void merge_dempster(const CoarseCells& cells, std::span<float* const> out) {
+  const float *o = cells.in.plane(0).data(), *f = cells.in.plane(1).data();
+  for (std::size_t i = 0; i < cells.count; ++i) {
     Occupancy all;
-    visit_cells(in, out, i, [&](std::size_t cell) { all = dempster_data(all, occupancy(o[cell], f[cell])); });
-    out.plane(0)[i] = all.o;
-    out.plane(1)[i] = all.f;
+    visit_cells(cells, i, [&](std::size_t cell) { all = dempster_data(all, occupancy(o[cell], f[cell])); });
+    out[0][i] = all.o;
+    out[1][i] = bounded(all).f;
   }
 }
 
-void merge_pool(const Layer& in, const LayerType& type, Layer& out) {
+void merge_pool(const CoarseCells& cells, const LayerType& type, std::span<float* const> out) {
   constexpr double kMost = std::numeric_limits<float>::max();
-  for (int c = 0; c < in.channels(); ++c) {
-    const float* values = in.plane(c).data();
-    for (std::size_t i = 0; i < out.cells(); ++i) {
+  for (int c = 0; c < cells.in.channels(); ++c) {
+    const float* values = cells.in.plane(c).data();
+    for (std::size_t i = 0; i < cells.count; ++i) {
       Pool pool;
-      visit_cells(in, out, i, [&](std::size_t cell) {
+      visit_cells(cells, i, [&](std::size_t cell) {
         if (values[cell] == values[cell]) pool.add(type.policy, static_cast<double>(values[cell]));
       });
       if (type.policy == Policy::kMean)
         pool.value /= static_cast<double>(std::max<std::size_t>(pool.numbers, 1));
-      out.plane(c)[i] =
+      out[static_cast<std::size_t>(c)][i] =
           pool.numbers == 0 ? type.background(c) : static_cast<float>(std::clamp(pool.value, -kMost, kMost));
     }
   }

@@ -94,4 +94,8 @@ class TypeTable {
   std::vector<LayerType> types_;
 };
 
+/// Where each type of `from` stands in `to`, matched by name.
+/// @throws Error{kIncompatible} if `to` lacks one, or has it with another space or background
+std::vector<TypeId> matching_ids(const TypeTable& from, const TypeTable& to);
+
 }  // namespace apgm

@@ -32,6 +32,13 @@ class Map final : public PatchSource {
   const Layer* find(PatchIndex index, TypeId type) const;
   /// Removes layers without data and patches without layers (paper, Sec. III-A).
   void prune();
+  /// Takes the layer, if any, out of the map; a patch without layers goes too.
+  std::optional<Layer> extract(PatchIndex index, TypeId type);
+  /// Takes other types, a superset by name: layers follow their type's name to its new id.
+  /// @throws Error{kIncompatible} if a type is missing or of another space or background; the map is then
+  /// unchanged
+  void set_types(const TypeTable& types);
+  void set_stamp_ns(std::int64_t stamp_ns) { header_.stamp_ns = stamp_ns; }
   std::size_t size() const { return patches_.size(); }
   const std::map<std::uint64_t, Patch>& by_key() const { return patches_; }
 

@@ -39,6 +39,27 @@ struct CombineReport {
 CombineReport combine(std::span<const Layer* const> inputs, const LayerType& type, Rule rule, Layer& out,
                       float* conflict = nullptr);
 
+/// Rows b of a layer, [begin, end): the touched part of a measurement.
+struct RowRange {
+  int begin = 0;
+  int end = 0;
+  bool empty() const { return end <= begin; }
+  friend bool operator==(const RowRange&, const RowRange&) = default;
+};
+
+/// combine() on a band of rows alone: the same bits there, and no bit changes outside it. For fusing a
+/// measurement into a map in place, at the cost of the rows it touched.
+///
+/// @param rows  within 0 .. side(); empty: nothing happens
+/// @param out   one of the inputs, or a layer of their shape. Takes the newest stamp, its own among them; its
+/// stated
+///              error bound stays, a lone input's joins it
+/// @return total conflicts in these rows
+/// @throws Error{kIncompatible} if the shapes differ, also that of `out`; {kInvalidArgument} if `rows` leaves
+/// the layer
+CombineReport combine_rows(std::span<const Layer* const> inputs, const LayerType& type, Rule rule, Layer& out,
+                           RowRange rows);
+
 /// Discounts every cell in place (paper, m^alpha): masses times alpha, the rest to Omega. alpha in [0, 1].
 /// Real channels are not changed.
 void discount(Layer& layer, const LayerType& type, float alpha);
