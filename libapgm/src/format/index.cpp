@@ -33,10 +33,14 @@ PatchRange range_of(const std::vector<IndexEntry>& entries) {
   return range;
 }
 
+std::uint64_t value_bytes(const LayerType& type, int step) {
+  return (std::uint64_t{4} << (2 * step)) * type.channels.size();
+}
+
 /// No encoding of a layer is larger than its values, masks and frame overhead: what a block may take in
 /// memory.
 std::uint64_t most_stored_bytes(const LayerType& type, int step) {
-  const std::uint64_t raw = (std::uint64_t{4} << (2 * step)) * type.channels.size();
+  const std::uint64_t raw = value_bytes(type, step);
   return raw + raw / 16 + 16'384;
 }
 
@@ -49,6 +53,8 @@ void check_entry(const IndexEntry& e, std::uint64_t end, const TypeTable& types,
   if (e.step > kMaxStep || e.type >= types.size() || root.totals[e.type].layers_at[e.step] == 0) {
     fail("an index entry names a step or type that does not exist");
   }
+  if (value_bytes(types[e.type], e.step) > Layer::kMaxBytes)
+    fail("an index entry names a layer of more than 64 MiB");
   if (e.stored_bytes > most_stored_bytes(types[e.type], e.step))
     fail("an index entry names a block that is too large");
   if (e.reserved != 0) fail("an index entry holds reserved values");
@@ -90,7 +96,8 @@ fbs::PageRef append_page(std::vector<std::byte>& out, std::uint64_t offset,
 void read_page(Bytes bytes, const fbs::PageRef& ref, std::uint64_t end, const TypeTable& types,
                const Root& root, std::vector<IndexEntry>& out) {
   const Block block = parse_block(bytes, Kind::kIndexPage);
-  if (block.header.payload_hash != ref.hash()) fail("an index page is not the one the index names");
+  if (block.header.payload_hash != ref.hash() || block.header.key != ref.first_key())
+    fail("an index page is not the one the index names");
   flatbuffers::Verifier verifier(reinterpret_cast<const std::uint8_t*>(block.meta.data()), block.meta.size(),
                                  8, 64);
   if (!verifier.VerifyBuffer<fbs::IndexPage>(nullptr)) fail("an index page is malformed");
@@ -138,9 +145,10 @@ T struct_at(const std::uint8_t* data, std::size_t i) {
 }
 
 void check_ref(const fbs::PageRef& ref, std::uint64_t end) {
-  if (ref.offset() < sizeof(Preamble) || ref.offset() > end || ref.bytes() > end - ref.offset() ||
-      ref.bytes() > kPageEntries * sizeof(IndexEntry) * 2 + 4096 || ref.reserved() != 0 ||
-      ref.entries() < 1 || ref.entries() > kPageEntries || ref.last_key() < ref.first_key()) {
+  if (ref.offset() < sizeof(Preamble) || ref.offset() % 8 != 0 || ref.offset() > end ||
+      ref.bytes() > end - ref.offset() || ref.bytes() > kPageEntries * sizeof(IndexEntry) * 2 + 4096 ||
+      ref.reserved() != 0 || ref.entries() < 1 || ref.entries() > kPageEntries ||
+      ref.last_key() < ref.first_key()) {
     fail("the index root names a page that cannot be");
   }
 }

@@ -25,7 +25,9 @@ std::vector<std::string> split(std::string_view text, std::size_t most) {
     const auto end = text.find(' ');
     names.emplace_back(text.substr(0, end));
     text = end == std::string_view::npos ? std::string_view{} : text.substr(end + 1);
-    if (names.back().empty() || names.size() > most) fail("a list in the map header is malformed");
+    const bool ends_in_space = end != std::string_view::npos && text.empty();
+    if (names.back().empty() || ends_in_space || names.size() > most)
+      fail("a list in the map header is malformed");
   }
   return names;
 }
@@ -182,6 +184,7 @@ MapHeader read_map_header(Bytes bytes) {
   try {
     header.frame.check();
     header.types = TypeTable(std::move(types));
+    check_texts(header);
   } catch (const Error& e) {
     throw Error(ErrorCode::kDamaged, "the map header cannot be used: " + e.message());
   }

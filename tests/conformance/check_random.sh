@@ -1,0 +1,8 @@
+#!/usr/bin/env bash
+# Random maps through the library's reader and the one in Python: same dumps.
+#   check_random.sh MAKE_CORPUS PYTHON READER
+set -euo pipefail
+made="$(mktemp -d)"
+trap 'rm -rf "$made"' EXIT
+"$1" --random 50 "$made"
+"$2" "$3" --check "$made"
