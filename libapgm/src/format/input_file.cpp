@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -81,11 +82,20 @@ InputFile::InputFile(const std::string& path) : path_(path) {
   fail(path, "read", error);
 }
 
-InputFile::~InputFile() { ::close(fd_); }
+InputFile::InputFile(std::span<const std::byte> bytes, std::string name)
+    : path_(std::move(name)), memory_(bytes), size_(bytes.size()) {}
+
+InputFile::~InputFile() {
+  if (fd_ >= 0) ::close(fd_);
+}
 
 void InputFile::read(std::uint64_t offset, std::span<std::byte> out) const {
   if (offset > size_ || out.size() > size_ - offset) {
     throw Error(ErrorCode::kDamaged, "'" + path_ + "' is shorter than it says").at(path_, offset);
+  }
+  if (fd_ < 0) {
+    std::ranges::copy(memory_.subspan(offset, out.size()), out.begin());
+    return;
   }
   std::size_t done = 0;
   while (done < out.size()) {

@@ -7,13 +7,15 @@
 
 namespace apgm::format {
 
-/// A file that is read by position. pread, not mmap: a file that another process truncates must be an error,
-/// not a signal. Thread-safe.
+/// A file, or bytes in memory, that is read by position. pread, not mmap: a file that another process
+/// truncates must be an error, not a signal. Thread-safe.
 class InputFile {
  public:
   /// "-" is standard input, spooled to an anonymous file where it cannot seek.
   /// @throws Error{kUnreadable}
   explicit InputFile(const std::string& path);
+  /// Bytes that outlive it, under a name for messages.
+  InputFile(std::span<const std::byte> bytes, std::string name);
   ~InputFile();
   InputFile(const InputFile&) = delete;
   InputFile& operator=(const InputFile&) = delete;
@@ -25,7 +27,8 @@ class InputFile {
 
  private:
   std::string path_;
-  int fd_ = -1;
+  std::span<const std::byte> memory_;
+  int fd_ = -1;  // -1: in memory
   std::uint64_t size_ = 0;
 };
 

@@ -55,6 +55,7 @@ struct OutputFile::State {
   int fd = -1;
   bool is_stdout = false;
   bool is_device = false;
+  std::vector<std::byte>* memory = nullptr;
   std::uint64_t size = 0;
   std::vector<std::byte> buffer;
 
@@ -64,6 +65,10 @@ struct OutputFile::State {
   }
 
   void write_out(const std::byte* data, std::size_t bytes) {
+    if (memory != nullptr) {
+      memory->insert(memory->end(), data, data + bytes);
+      return;
+    }
     while (bytes > 0) {
       const ssize_t n = ::write(fd, data, bytes);
       if (n < 0 && errno == EINTR) continue;
@@ -117,7 +122,7 @@ struct OutputFile::State {
 
   void commit() {
     flush();
-    if (is_stdout || is_device) return;
+    if (is_stdout || is_device || memory != nullptr) return;
     if (options.fsync && ::fsync(fd) != 0) fail(path, "flush", errno);
     const bool replace = ::access(target.c_str(), F_OK) == 0;
     if (replace && !options.overwrite) fail(path, "create", EEXIST);
@@ -183,6 +188,10 @@ OutputFile::OutputFile(const std::string& path, const OutputOptions& options)
     if (::access(path.c_str(), W_OK) != 0) fail(path, "replace", errno);
   }
   state_->open();
+}
+
+OutputFile::OutputFile(std::vector<std::byte>& bytes) : state_(std::make_unique<State>()) {
+  state_->memory = &bytes;
 }
 
 OutputFile::~OutputFile() = default;

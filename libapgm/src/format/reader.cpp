@@ -125,6 +125,7 @@ Footer parse_footer(Bytes bytes, std::uint64_t file_bytes) {
 
 struct Reader::State {
   explicit State(const std::string& path) : file(path) {}
+  State(Bytes bytes, const std::string& name) : file(bytes, name) {}
 
   InputFile file;
   MapHeader header;
@@ -304,6 +305,10 @@ std::vector<std::byte>& layer_buffer() {
 }  // namespace
 
 Reader::Reader(const std::string& path) : state_(std::make_unique<State>(path)) { state_->open(); }
+Reader::Reader(std::span<const std::byte> bytes, const std::string& name)
+    : state_(std::make_unique<State>(bytes, name)) {
+  state_->open();
+}
 Reader::~Reader() = default;
 
 const MapHeader& Reader::header() const { return state_->header; }

@@ -16,8 +16,8 @@ namespace apgm {
 using namespace format;
 
 struct Writer::State {
-  State(const std::string& path, const MapHeader& map_header, const WriterOptions& writer_options)
-      : header(map_header), options(writer_options), file(path, writer_options.output), id(map_header) {}
+  State(OutputFile output, const MapHeader& map_header, const WriterOptions& writer_options)
+      : header(map_header), options(writer_options), file(std::move(output)), id(map_header) {}
 
   MapHeader header;
   WriterOptions options;
@@ -73,6 +73,15 @@ struct Writer::State {
 };
 
 Writer::Writer(const std::string& path, const MapHeader& header, const WriterOptions& options) {
+  start(header, options, [&] { return OutputFile(path, options.output); });
+}
+
+Writer::Writer(std::vector<std::byte>& bytes, const MapHeader& header, const WriterOptions& options) {
+  start(header, options, [&] { return OutputFile(bytes); });
+}
+
+void Writer::start(const MapHeader& header, const WriterOptions& options,
+                   const std::function<OutputFile()>& open) {
   if (options.level < 1 || options.level > 19) {
     throw Error(ErrorCode::kInvalidArgument, "a compression level lies in 1..19");
   }
@@ -81,7 +90,7 @@ Writer::Writer(const std::string& path, const MapHeader& header, const WriterOpt
   Preamble preamble;
   preamble.hash = hash_of(bytes_of(preamble).first(offsetof(Preamble, hash)));
   std::memcpy(start.data(), &preamble, sizeof(preamble));
-  state_ = std::make_unique<State>(path, header, options);
+  state_ = std::make_unique<State>(open(), header, options);
   state_->header_block = h;
   state_->header_bytes = start.size() - sizeof(Preamble);
   state_->summary.types.resize(header.types.size());

@@ -5,6 +5,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace apgm {
 
@@ -21,6 +22,8 @@ class OutputFile {
   /// @throws Error{kOutput} if the target exists (without overwrite), is not a regular file, or cannot be
   /// written
   explicit OutputFile(const std::string& path, const OutputOptions& options = {});
+  /// No file: what is written goes to the end of `bytes`, which outlives it, at the latest by `flush`.
+  explicit OutputFile(std::vector<std::byte>& bytes);
   ~OutputFile();
   OutputFile(OutputFile&&) noexcept;
   OutputFile& operator=(OutputFile&&) noexcept;

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "apgm/core/source.hpp"
@@ -26,6 +28,11 @@ class Reader final : public PatchSource {
   /// seek)
   /// @throws Error{kUnreadable|kForeign|kDamaged|kUnsupported}
   explicit Reader(const std::string& path);
+  /// A file's bytes in memory.
+  /// @param bytes  outlive the reader
+  /// @param name   stands for the path in messages
+  /// @throws Error{kForeign|kDamaged|kUnsupported}
+  explicit Reader(std::span<const std::byte> bytes, const std::string& name = "message");
   ~Reader() override;
 
   const MapHeader& header() const override;

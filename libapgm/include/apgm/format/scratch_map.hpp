@@ -10,23 +10,31 @@
 namespace apgm {
 
 /// Patches in a file without a name: a PatchStore that takes any number of them in any order, and a
-/// PatchSource that gives them in key order, as stored bytes too. Memory: the index alone, some 100 bytes a
-/// layer. Space of replaced patches is used again once it is more than half of the file.
+/// PatchSource that gives them in key order, as stored bytes too. Memory: the index alone, some 130 bytes a
+/// layer. Space of patches that were replaced or taken is used again once it is more than half of the file.
 ///
+/// Guarantees: a Writer of the same level makes the same file from it as from the map itself; all that is
+/// read back is checked against its checksum, Error{kDamaged} if it fails.
 /// Thread rule: as PatchSource while nothing is stored or taken.
 class ScratchMap final : public PatchStore, public PatchSource {
  public:
   /// @param directory  where the file lies; nothing is visible there
-  /// @throws Error{kOutput}
-  ScratchMap(MapHeader header, const std::string& directory);
+  /// @param level      zstd, 1..19
+  /// @throws Error{kOutput} if no file can be made there, {kInvalidArgument} on the level or the header
+  ScratchMap(MapHeader header, const std::string& directory, int level = 3);
   ~ScratchMap() override;
 
-  void store(Patch& patch) override;
+  void set_types(const TypeTable& types) override;
+  /// @throws Error{kOutput} if the disk is full, {kInvalidArgument} on masses out of range; the patch it held
+  /// before is then still there
+  void store(const Patch& patch) override;
   bool take(PatchIndex index, Patch& out) override;
 
-  /// Replaces the header; layers keep their types by id, so types may only be added where ids do not change,
-  /// else Error{kIncompatible}.
+  /// Replaces the header; layers follow their type's name.
+  /// @throws Error{kIncompatible} as set_types, or if the frame is another
   void set_header(MapHeader header);
+  /// Bytes the file takes.
+  std::uint64_t file_bytes() const;
 
   const MapHeader& header() const override;
   Summary summary() const override;

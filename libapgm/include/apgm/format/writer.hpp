@@ -1,8 +1,11 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "apgm/core/source.hpp"
 #include "apgm/format/output_file.hpp"
@@ -38,6 +41,9 @@ class Writer final : public PatchSink {
   /// @param path    target, or "-" for standard output
   /// @throws Error{kOutput} as OutputFile; {kInvalidArgument|kLimit} on a header that cannot be stored
   Writer(const std::string& path, const MapHeader& header, const WriterOptions& options = {});
+  /// To the end of `bytes`, which outlives the writer; they are a whole file after `finish`.
+  /// @param options  `output` is not used
+  Writer(std::vector<std::byte>& bytes, const MapHeader& header, const WriterOptions& options = {});
   ~Writer() override;
 
   /// Unless masses are to be rounded: then every layer must come as cells.
@@ -50,6 +56,7 @@ class Writer final : public PatchSink {
 
  private:
   struct State;
+  void start(const MapHeader& header, const WriterOptions& options, const std::function<OutputFile()>& open);
   std::unique_ptr<State> state_;
 };
 

@@ -19,14 +19,18 @@ struct MapperOptions {
   Rule rule = Rule::kDempster;  ///< between the map and a measurement
   /// Cell size where no profile is set.
   double cell_m = 0.1;
-  /// Share of a cell's evidence that is left after a second (paper, discounting m^alpha): m <- alpha^t m. 1:
-  /// nothing is forgotten.
+  /// Share of a cell's evidence that is left after a second (paper, discounting m^alpha): m <- alpha^t m, in
+  /// (0, 1]; 1: nothing is forgotten. Time counts in whole ticks, of the powers of two of a second (1/512 s
+  /// at least) the longest that leaves 0.99, so masses lie within a hundredth of alpha^t m. A mass below
+  /// 2^-24 becomes 0; a layer without any data left is dropped. Real channels do not age.
   double ageing_per_s = 1.0;
-  /// After each fusion m(Omega) of an observed cell is at least this, masses keep their ratio. Without it
-  /// float32 rounds m(Omega) to 0 after some thirty agreeing scans, and no later scan can change the cell.
+  /// After each fusion m(Omega) of an observed cell is at least this (less 1e-6), masses keep their ratio; in
+  /// [0, 1). Without it float32 rounds m(Omega) to 0 after some thirty agreeing scans, and no later scan can
+  /// change the cell.
   double min_unknown = 0.02;
-  /// Values of layers kept in memory, bytes; beyond it the least recently touched patches go to the store.
-  /// 0: no bound. Needs a store.
+  /// Values of layers kept in memory after a call, bytes; beyond it the least recently observed patches go to
+  /// the store, until an eighth is free. 0: no bound. Needs a store. Where a profile holds, it is the bound:
+  /// what is required stays in memory. Besides, up to 32 MiB of memory of layers that left are used again.
   std::uint64_t max_memory_bytes = 0;
 };
 
@@ -35,9 +39,10 @@ struct MapperReport {
   struct OfType {
     std::uint64_t layers = 0;  ///< in memory after the call
     std::uint64_t cells = 0;
-    std::uint64_t bytes = 0;           ///< of values
-    std::uint64_t cells_fused = 0;     ///< by this call, rows that were combined
-    double observe_s = 0, fuse_s = 0;  ///< time this call took; not part of any result
+    std::uint64_t bytes = 0;        ///< of values
+    std::uint64_t cells_fused = 0;  ///< by this call, rows that were combined
+    /// Time this call took; not part of any result. Ageing, resampling and bringing back count as fusion.
+    double observe_s = 0, fuse_s = 0;
   };
   std::uint64_t patches = 0;
   std::uint64_t total_conflicts = 0;  ///< cells with K = 1 in this call
@@ -55,13 +60,16 @@ struct MapperReport {
 /// they come back when they are wanted again, or, without a store, for good. A new profile holds from the
 /// next call of move_to or add on. Layers without data do not exist.
 ///
-/// Guarantees: same map for the same calls on every machine, whatever `max_memory_bytes` is. One thread.
+/// Guarantees: same map for the same calls on every machine; memory and store together hold the same layers
+/// whatever `max_memory_bytes` is. If a store fails (Error{kOutput}), what it should have taken stays in
+/// memory. One thread.
 class Mapper {
  public:
   /// @param frame     of the map
   /// @param models    give the layer types; the map's occupancy type is `conditional`, since it fuses many
   /// scans
-  /// @param store     outlives the mapper; nullptr: none
+  /// @param store     empty, of the same frame; outlives the mapper and takes its types from it; nullptr:
+  /// none
   /// @throws Error{kInvalidArgument} on options out of range, max_memory_bytes without a store
   Mapper(const Frame& frame, const Models& models, const MapperOptions& options = {},
          PatchStore* store = nullptr);
@@ -74,24 +82,32 @@ class Mapper {
 
   /// The vehicle is at `vehicle` at `stamp_ns`: ages the map, drops and resamples layers. A stamp before the
   /// last one is taken as the last one.
+  /// @throws Error{kInvalidArgument|kLimit} on a position that is not finite or outside all patches
   MapperReport move_to(Point vehicle, std::int64_t stamp_ns);
 
   /// Observes and fuses one measurement; ages to its stamp. With a profile, call move_to first: what lies
   /// outside the requirements is not observed.
-  /// @param alpha  trust in the source, in [0, 1]: discounted by this first
+  /// @param alpha  trust in the source, in [0, 1]: discounted by this first; 0: nothing is fused
+  /// @throws Error{kInvalidArgument} on alpha, on a profile without a move_to, or as Observer
   MapperReport add(const RangeScan& scan, float alpha = 1.0f);
   MapperReport add(const LabelledGround& image, float alpha = 1.0f);
   /// Fuses layers made elsewhere (a sensor module): types are matched by name, unknown ones are added; same
   /// frame. They are brought to r_req first; without a profile to the finer of the two.
-  /// @throws Error{kIncompatible} as fused_types, or if the frames differ
+  /// The time of the measurement is its header's stamp; 0: that of the last call.
+  /// @throws Error{kIncompatible} as fused_types, or if the frames differ; Error as PatchSource::load and
+  ///         canonicalise: patches before that one are fused then
   MapperReport add(const PatchSource& measurement, float alpha = 1.0f);
 
   /// The patches in memory: with a profile the required ones, else all since the last `flush` or eviction.
   const Map& map() const;
-  /// What changed in map() since the last call.
+  /// What changed in map() since the last call (at first: since it was empty): apply(take_changes()) to a
+  /// copy of map() as it was gives map() as it is. Layers that were fused, aged or resampled count as
+  /// changed.
   MapChanges take_changes();
-  /// Gives all patches to the store. @throws Error{kInvalidArgument} without a store
+  /// Gives all patches to the store, and brings all that rest there to the age of the last call.
+  /// @throws Error{kInvalidArgument} without a store
   void flush();
+  /// Readings that the Observer did not use.
   const Skipped& skipped() const;
 
  private:

@@ -1,0 +1,273 @@
+#include "apgm/format/scratch_map.hpp"
+
+#include <algorithm>
+#include <map>
+#include <vector>
+
+#include "apgm/core/error.hpp"
+#include "block.hpp"
+#include "codec.hpp"
+#include "map_header.hpp"
+#include "scratch_file.hpp"
+
+namespace apgm {
+
+using namespace format;
+
+namespace {
+
+/// Below this, dead space is not worth moving anything for.
+constexpr std::uint64_t kLeastDead = std::uint64_t{1} << 20;
+
+/// Place of a layer: patches in key order, their layers by type.
+struct Place {
+  std::uint64_t key = 0;
+  TypeId type = 0;
+  friend auto operator<=>(const Place&, const Place&) = default;
+};
+
+struct Entry {
+  PatchIndex patch;
+  std::uint64_t offset = 0;
+  std::uint64_t stored_hash = 0;
+  std::uint64_t content_hash = 0;
+  std::int64_t stamp_ns = 0;
+  std::uint32_t bytes = 0;
+  float error_bound = 0;
+  std::uint8_t step = 0;
+  std::uint8_t encoding = 0;
+};
+
+using Index = std::map<Place, Entry>;
+
+/// The layers of one patch in the index.
+std::pair<Index::const_iterator, Index::const_iterator> layers_of(const Index& index, std::uint64_t key) {
+  auto first = index.lower_bound({key, 0});
+  auto last = first;
+  while (last != index.end() && last->first.key == key) ++last;
+  return {first, last};
+}
+
+class ScratchCursor final : public PatchCursor {
+ public:
+  ScratchCursor(const Index& index, std::optional<PatchRange> range)
+      : at_(index.begin()), end_(index.end()), range_(range) {}
+
+  bool next(PatchInfo& out) override {
+    while (at_ != end_ && range_ && !range_->contains(at_->second.patch)) ++at_;
+    if (at_ == end_) return false;
+    out.patch = at_->second.patch;
+    out.layers.clear();
+    for (const std::uint64_t key = at_->first.key; at_ != end_ && at_->first.key == key; ++at_) {
+      const Entry& e = at_->second;
+      out.layers.push_back(
+          {e.patch, at_->first.type, e.step, e.encoding, e.bytes, e.content_hash, e.stamp_ns, e.offset});
+    }
+    return true;
+  }
+
+ private:
+  Index::const_iterator at_, end_;
+  std::optional<PatchRange> range_;
+};
+
+}  // namespace
+
+struct ScratchMap::State {
+  State(MapHeader map_header, const std::string& directory, int zstd_level)
+      : header(std::move(map_header)), level(zstd_level), file(directory) {}
+
+  MapHeader header;
+  int level;
+  ScratchFile file;
+  Index index;
+  std::uint64_t end = 0;   // of the file
+  std::uint64_t live = 0;  // bytes of layers in the index
+  Layer cells;             // on their way into the file
+  StoredLayer stored;
+  std::vector<std::byte> bytes;
+
+  /// Encodes the layers of a patch into `bytes`; offsets count from there.
+  std::vector<std::pair<Place, Entry>> encode_all(const Patch& patch) {
+    bytes.clear();
+    std::vector<std::pair<Place, Entry>> made;
+    for (const auto& [type, layer] : patch.layers) {
+      const LayerType& layer_type = header.types[type];
+      cells = layer;
+      canonicalise(cells, layer_type);
+      if (is_vacuous(cells, layer_type)) continue;
+      encode(cells, layer_type, level, Lossy::kNone, stored);
+      Entry e;
+      e.patch = patch.index;
+      e.offset = bytes.size();
+      e.stored_hash = hash_of(stored.bytes);
+      e.content_hash = stored.content_hash;
+      e.stamp_ns = layer.stamp_ns;
+      e.bytes = static_cast<std::uint32_t>(stored.bytes.size());
+      e.error_bound = stored.error_bound;
+      e.step = stored.step;
+      e.encoding = stored.encoding;
+      bytes.insert(bytes.end(), stored.bytes.begin(), stored.bytes.end());
+      made.push_back({{curve_key(patch.index), type}, e});
+    }
+    return made;
+  }
+
+  void forget(std::uint64_t key) {
+    const auto [first, last] = layers_of(index, key);
+    for (auto it = first; it != last; ++it) live -= it->second.bytes;
+    index.erase(first, last);
+    if (live == 0) move_to_front();
+  }
+
+  /// Writes what encode_all made, in place of what there was of the patch.
+  void replace(std::uint64_t key, const std::vector<std::pair<Place, Entry>>& made) {
+    const std::uint64_t at = end;
+    file.write(at, bytes);
+    end += bytes.size();
+    live += bytes.size();
+    forget(key);
+    for (auto [place, entry] : made) {
+      entry.offset += at;
+      index.emplace(place, entry);
+    }
+    if (end - live > std::max(live, kLeastDead)) move_to_front();
+  }
+
+  /// Moves all layers to the front, in the order they lie in: none overtakes another, so it works in place.
+  /// Less is moved than was written since the last time.
+  void move_to_front() {
+    std::vector<Entry*> by_offset;
+    by_offset.reserve(index.size());
+    for (auto& [place, entry] : index) by_offset.push_back(&entry);
+    std::sort(by_offset.begin(), by_offset.end(), [](auto* a, auto* b) { return a->offset < b->offset; });
+    std::uint64_t to = 0;
+    for (Entry* entry : by_offset) {
+      if (entry->offset != to) {
+        bytes.resize(entry->bytes);
+        file.read(entry->offset, bytes);
+        file.write(to, bytes);
+        entry->offset = to;
+      }
+      to += entry->bytes;
+    }
+    end = to;
+    file.truncate(end);
+  }
+
+  /// Bytes of a layer, checked.
+  const Entry& read(PatchIndex patch, TypeId type, std::vector<std::byte>& out) const {
+    const auto it = index.find({curve_key(patch), type});
+    if (it == index.end()) throw Error(ErrorCode::kInvalidArgument, "the scratch map has no such layer");
+    const Entry& e = it->second;
+    out.resize(e.bytes);
+    file.read(e.offset, out);
+    if (hash_of(out) != e.stored_hash) fail_damaged(e, type);
+    return e;
+  }
+
+  void decode_layer(PatchIndex patch, TypeId type, Layer& out) const {
+    thread_local std::vector<std::byte> buffer;
+    const Entry& e = read(patch, type, buffer);
+    decode(static_cast<Encoding>(e.encoding), e.step, buffer, header.types[type], out);
+    out.stamp_ns = e.stamp_ns;
+    out.error_bound = e.error_bound;
+  }
+
+  [[noreturn]] void fail_damaged(const Entry& e, TypeId type) const {
+    throw Error(ErrorCode::kDamaged, "the scratch file in '" + file.directory() + "' lost layer '" +
+                                         header.types[type].name + "' of patch (" +
+                                         std::to_string(e.patch.x) + "," + std::to_string(e.patch.y) + ")")
+        .hint("the disk or the memory of this machine may be failing")
+        .at(file.directory(), e.offset);
+  }
+};
+
+ScratchMap::ScratchMap(MapHeader header, const std::string& directory, int level) {
+  if (level < 1 || level > 19) {
+    throw Error(ErrorCode::kInvalidArgument, "a compression level lies in 1..19");
+  }
+  header.frame.check();
+  state_ = std::make_unique<State>(std::move(header), directory, level);
+}
+
+ScratchMap::~ScratchMap() = default;
+
+void ScratchMap::set_types(const TypeTable& types) {
+  State& s = *state_;
+  const TypeTable& old = s.header.types;
+  std::map<TypeId, TypeId> ids;  // of types that layers rest of
+  for (const auto& [place, entry] : s.index) ids.emplace(place.type, place.type);
+  for (auto& [from, to] : ids) to = matching_ids(TypeTable({old[from]}), types)[0];
+  Index index;
+  for (const auto& [place, entry] : s.index) index.emplace(Place{place.key, ids[place.type]}, entry);
+  s.index.swap(index);
+  s.header.types = types;
+}
+
+void ScratchMap::set_header(MapHeader header) {
+  if (header.frame != state_->header.frame) {
+    throw Error(ErrorCode::kIncompatible, "the layers of a scratch map cannot take another frame");
+  }
+  set_types(header.types);
+  state_->header = std::move(header);
+}
+
+void ScratchMap::store(const Patch& patch) {
+  const auto made = state_->encode_all(patch);
+  state_->replace(curve_key(patch.index), made);
+}
+
+bool ScratchMap::take(PatchIndex index, Patch& out) {
+  State& s = *state_;
+  const auto [first, last] = layers_of(s.index, curve_key(index));
+  if (first == last) return false;
+  std::map<TypeId, Layer> layers;
+  for (auto it = first; it != last; ++it) s.decode_layer(index, it->first.type, layers[it->first.type]);
+  out.index = index;
+  out.layers = std::move(layers);
+  s.forget(curve_key(index));
+  return true;
+}
+
+std::uint64_t ScratchMap::file_bytes() const { return state_->end; }
+
+const MapHeader& ScratchMap::header() const { return state_->header; }
+
+Summary ScratchMap::summary() const {
+  Summary summary;
+  summary.types.resize(state_->header.types.size());
+  std::optional<std::uint64_t> last;
+  for (const auto& [place, entry] : state_->index) {
+    if (last != place.key) {
+      ++summary.patches;
+      summary.range.add(entry.patch);
+    }
+    last = place.key;
+    Summary::OfType& t = summary.types[place.type];
+    ++t.layers;
+    ++t.layers_at[entry.step];
+    t.stored_bytes += entry.bytes;
+    t.raw_bytes += (std::uint64_t{4} << (2 * entry.step)) * state_->header.types[place.type].channels.size();
+  }
+  return summary;
+}
+
+std::unique_ptr<PatchCursor> ScratchMap::patches(const std::optional<PatchRange>& range) const {
+  return std::make_unique<ScratchCursor>(state_->index, range);
+}
+
+void ScratchMap::load(const LayerInfo& info, Layer& out) const {
+  state_->decode_layer(info.patch, info.type, out);
+}
+
+bool ScratchMap::load_stored(const LayerInfo& info, StoredLayer& out) const {
+  const Entry& e = state_->read(info.patch, info.type, out.bytes);
+  out.encoding = e.encoding;
+  out.step = e.step;
+  out.content_hash = e.content_hash;
+  out.error_bound = e.error_bound;
+  return true;
+}
+
+}  // namespace apgm

@@ -1,0 +1,120 @@
+#include "observe/mapper_state.hpp"
+
+namespace apgm {
+namespace {
+
+std::uint64_t packed(PatchIndex p) {
+  return static_cast<std::uint64_t>(static_cast<std::uint32_t>(p.x)) << 32 | static_cast<std::uint32_t>(p.y);
+}
+
+std::vector<TypeId> types_at(const Map& map, PatchIndex index) {
+  std::vector<TypeId> types;
+  if (const Patch* patch = map.find(index)) {
+    for (const auto& [type, layer] : patch->layers) types.push_back(type);
+  }
+  return types;
+}
+
+/// Patches in a range, without overflow.
+double area(const PatchRange& range) {
+  if (range.empty()) return 0;
+  return (1.0 + range.max.x - range.min.x) * (1.0 + range.max.y - range.min.y);
+}
+
+}  // namespace
+
+void Mapper::State::advance(std::int64_t stamp_ns) {
+  if (now_ns && stamp_ns <= *now_ns) return;
+  const std::int64_t next = ageing.tick_of(stamp_ns);
+  if (now_ns) {
+    age_all(next - tick);
+  } else {
+    // What was fused without a time is of the first time there is.
+    for (auto& [key, patch] : resting) patch.tick = next;
+  }
+  now_ns = stamp_ns;
+  tick = next;
+}
+
+void Mapper::State::age_all(std::int64_t ticks) {
+  if (ticks == 0 || !ageing.active()) return;
+  for (const PatchIndex index : live.indices()) {
+    for (const TypeId id : types_at(live.map(), index)) {
+      const LayerType& type = live.types()[id];
+      if (!type.is_evidence()) continue;
+      const Stopwatch watch(report.types[id].fuse_s);
+      Layer& layer = *live.find(index, id);
+      ageing.apply(layer, type, ticks);
+      if (is_vacuous(layer, type)) {
+        live.drop(index, id);
+      } else {
+        live.mark(index, id);
+      }
+    }
+  }
+}
+
+std::optional<int> Mapper::State::required(PatchIndex index, TypeId type) {
+  const auto [it, added] = steps[type].try_emplace(packed(index));
+  if (added) it->second = profile->required_step(frame, index, live.types()[type].name, *vehicle);
+  return it->second;
+}
+
+void Mapper::State::follow() {
+  if (follows) return;
+  for (auto& of_type : steps) of_type.clear();
+  if (profile && vehicle) {
+    fit_to_requirements();
+    bring_wanted_back();
+  }
+  follows = true;
+}
+
+void Mapper::State::fit_to_requirements() {
+  for (const PatchIndex index : live.indices()) {
+    std::vector<TypeId> leaving;
+    const std::vector<TypeId> present = types_at(live.map(), index);
+    for (const TypeId type : present) {
+      const auto step = required(index, type);
+      if (!step) {
+        leaving.push_back(type);
+      } else if (*step != live.find(index, type)->step()) {
+        const Stopwatch watch(report.types[type].fuse_s);
+        live.resample(index, type, *step);
+        ++report.layers_resampled;
+      }
+    }
+    if (leaving.empty()) continue;
+    rest(index, leaving);
+    if (leaving.size() == present.size()) ++report.patches_dropped;
+  }
+}
+
+void Mapper::State::bring_wanted_back() {
+  if (resting.empty()) return;
+  const PatchRange reach = profile->reach(frame, *vehicle);
+  std::vector<PatchIndex> wanted;
+  const auto look_at = [&](const Resting& patch) {
+    for (const TypeId type : patch.types) {
+      if (!required(patch.index, type)) continue;
+      wanted.push_back(patch.index);
+      return;
+    }
+  };
+  if (area(reach) < static_cast<double>(resting.size())) {
+    for (std::int64_t y = reach.min.y; y <= reach.max.y; ++y) {
+      for (std::int64_t x = reach.min.x; x <= reach.max.x; ++x) {
+        const PatchIndex index{static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)};
+        const auto it = resting.find(curve_key(index));
+        if (it != resting.end()) look_at(it->second);
+      }
+    }
+  } else {
+    for (const auto& [key, patch] : resting) {
+      if (reach.contains(patch.index)) look_at(patch);
+    }
+  }
+  for (const PatchIndex index : wanted) bring_back(index);
+}
+
+}  // namespace apgm
