@@ -9,7 +9,8 @@
 #include <vector>
 
 #include "apgm/core/error.hpp"
-#include "scene/mapping.hpp"
+#include "scene/lot.hpp"
+#include "scene/lot_maps.hpp"
 #include "scene/write_map.hpp"
 #include "support/program.hpp"
 
@@ -30,12 +31,6 @@ constexpr const char* kUsage =
     "  -O, --overwrite    replace existing files\n"
     "      --seed N       of parked cars and noise (default 1)\n";
 
-std::uint64_t number(const std::string& text) {
-  const bool digits = text.find_first_not_of("0123456789") == std::string::npos;
-  if (!digits || text.size() > 18) throw UsageError{"'" + text + "' is not a seed: use a whole number"};
-  return std::stoull(text);
-}
-
 void make_directory(const std::string& path) {
   std::error_code failed;
   std::filesystem::create_directories(path, failed);
@@ -43,20 +38,10 @@ void make_directory(const std::string& path) {
   throw apgm::Error(apgm::ErrorCode::kOutput, "cannot make the directory '" + path + "'");
 }
 
-/// Refuses before the work, not after it.
-void check_outputs(const std::string& dir, const std::vector<std::string>& names) {
-  for (const auto& name : names) {
-    if (!std::filesystem::exists(dir + "/" + name)) continue;
-    throw apgm::Error(apgm::ErrorCode::kOutput, "output '" + dir + "/" + name + "' already exists")
-        .hint("pass --overwrite to replace it");
-  }
-}
-
 void make_scene(std::vector<std::string> args) {
   std::string dir = take_option(args, "-o");
   if (dir.empty()) dir = take_option(args, "--output");
-  const std::string seed_text = take_option(args, "--seed");
-  const std::uint64_t seed = seed_text.empty() ? 1 : number(seed_text);
+  const std::uint64_t seed = take_seed(args);
   const bool short_overwrite = take_switch(args, "-O");
   const bool overwrite = take_switch(args, "--overwrite") || short_overwrite;
   expect_arguments(args, 0);
@@ -67,11 +52,13 @@ void make_scene(std::vector<std::string> args) {
                                     "lidar_" + v + "_rear.apgm", "scan_" + v + "_front.apgm"};
   };
   if (!overwrite) {
-    check_outputs(dir, {"truth.apgm"});
-    for (const char* v : {"a", "b"}) check_outputs(dir, names_of(v));
+    check_absent(dir + "/truth.apgm");
+    for (const char* v : {"a", "b"}) {
+      for (const auto& name : names_of(v)) check_absent(dir + "/" + name);
+    }
   }
   make_directory(dir);
-  const Scene scene(seed);
+  const Scene scene = lot_scene(seed);
   write_map(truth_map(scene), dir + "/truth.apgm", overwrite);
   for (const std::string v : {"a", "b"}) {
     const DriveMaps maps =

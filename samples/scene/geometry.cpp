@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "apgm/core/portable_math.hpp"
+
 namespace apgm::samples {
 namespace {
 
@@ -27,6 +29,10 @@ double length(Point p) { return std::sqrt(dot(p, p)); }
 
 Point unit(Point p) { return (1.0 / length(p)) * p; }
 
+Point direction(double angle_rad) { return {portable::cos(angle_rad), portable::sin(angle_rad)}; }
+
+Rect rect_of(const Box& box) { return {0.5 * (box.min + box.max), 0.5 * (box.max - box.min), {1, 0}}; }
+
 bool contains(const Rect& rect, Point p) {
   const Point l = local(rect, p - rect.centre);
   return l.x_m >= -rect.half.x_m && l.x_m <= rect.half.x_m && l.y_m >= -rect.half.y_m &&
@@ -36,6 +42,23 @@ bool contains(const Rect& rect, Point p) {
 bool contains(const Disc& disc, Point p) {
   const Point l = p - disc.centre;
   return dot(l, l) <= disc.radius_m * disc.radius_m;
+}
+
+double distance(const Rect& rect, Point p) {
+  const Point l = local(rect, p - rect.centre);
+  return length(
+      {std::max(0.0, std::abs(l.x_m) - rect.half.x_m), std::max(0.0, std::abs(l.y_m) - rect.half.y_m)});
+}
+
+Box bounds(const Rect& rect) {
+  const Point reach{std::abs(rect.axis.x_m) * rect.half.x_m + std::abs(rect.axis.y_m) * rect.half.y_m,
+                    std::abs(rect.axis.y_m) * rect.half.x_m + std::abs(rect.axis.x_m) * rect.half.y_m};
+  return {rect.centre - reach, rect.centre + reach};
+}
+
+Box bounds(const Disc& disc) {
+  const Point reach{disc.radius_m, disc.radius_m};
+  return {disc.centre - reach, disc.centre + reach};
 }
 
 double cast(const Rect& rect, Point origin, Point direction) {

@@ -1,31 +1,37 @@
 #pragma once
 
 #include <cstdint>
+#include <variant>
 #include <vector>
 
 #include "apgm/core/frame.hpp"
 #include "scene/geometry.hpp"
+#include "scene/shape_grid.hpp"
 
 namespace apgm::samples {
 
-/// What a camera tells of a piece of ground.
+/// What a camera tells of a piece of ground, in the order of the classes of the `semantics` layer.
 enum class Ground : std::uint8_t {
   kRoad,     ///< drivable: road, parking lot, driveway
   kMarking,  ///< painted: lane and bay lines, zebra crossing
   kBlocked,  ///< not drivable: pavement, lawn, buildings, cars, kerb stones
 };
 
-/// A parking lot beside a road, seen from above, 120 m x 80 m: three rows of bays with parked cars, kerb
-/// stones at their ends, an arcade of pillars along a closed building, a road with two lanes and a crossing,
-/// poles, trees and a house on the other side. Nothing moves.
+/// A piece of the world seen from above: obstacles that stop a lidar, ground that a camera tells apart.
+/// Nothing moves. Empty, all of it Blocked, until shapes are added.
 ///
-/// Coordinates are metres from the scene's lower-left corner. Guarantee: same geometry for the same seed.
+/// Coordinates are metres of its own; `in_map` takes them to the CRS of the sample maps.
 class Scene {
  public:
-  static constexpr Box kBounds{{0, 0}, {120, 80}};
+  /// @param origin_m  of the scene's coordinates, from the datum of sample_frame()
+  Scene(const Box& bounds, Point origin_m);
 
-  /// @param seed  decides which bays are taken and how cars stand in them
-  explicit Scene(std::uint64_t seed = 1);
+  void add_wall(const Rect& rect);  ///< walls, pillars, kerb stones
+  void add_car(const Rect& rect);
+  void add_post(const Disc& disc);     ///< poles, trunks
+  void add_inside(const Rect& rect);   ///< of a building, where no sensor sees
+  void add_asphalt(const Rect& rect);  ///< Road, where nothing else is
+  void add_paint(const Rect& rect);    ///< Marking, where it lies on asphalt
 
   struct Hit {
     double range_m = 0;
@@ -36,26 +42,34 @@ class Scene {
 
   /// True inside an obstacle: wall, pillar, car, kerb stone, pole, trunk.
   bool occupied(Point p) const;
-  /// True inside the walls of a building, where no sensor sees.
+  /// True inside the walls of a building.
   bool hidden(Point p) const;
   Ground ground(Point p) const;
 
+  const Box& bounds() const { return bounds_; }
   const std::vector<Rect>& cars() const { return cars_; }
+  Point in_map(Point p) const { return p + origin_in_map_m_; }
+  Point from_map(Point p) const { return p - origin_in_map_m_; }
 
  private:
-  void add_road();
-  void add_lot(std::uint64_t seed);
-  void add_buildings();
-  void add_round_things();
-  void add_building(const Box& outside);
-  void add_bays(double x_min_m, double x_max_m, double y_min_m, std::uint64_t seed);
+  using Obstacle = std::variant<Rect, Disc>;
+  struct Floor {
+    enum class Kind : std::uint8_t { kAsphalt, kPaint, kInside } kind;
+    Rect area;
+  };
+  void add_obstacle(const Obstacle& obstacle, const Box& box);
+  void add_floor(Floor::Kind kind, const Rect& area);
 
-  std::vector<Rect> cars_;
-  std::vector<Rect> walls_;  // walls, pillars, kerb stones
-  std::vector<Disc> discs_;  // poles, trunks
-  std::vector<Box> hidden_;  // inside of buildings
-  std::vector<Box> asphalt_;
-  std::vector<Box> paint_;
+  Box bounds_;
+  Point origin_in_map_m_;
+  std::vector<Obstacle> obstacles_;
+  std::vector<Floor> floors_;
+  std::vector<Rect> cars_;  // among the obstacles, too
+  ShapeGrid obstacle_grid_;
+  ShapeGrid floor_grid_;
 };
+
+/// UTM zone 32 north, datum (570000, 5360000), 12.8 m patches.
+Frame sample_frame();
 
 }  // namespace apgm::samples

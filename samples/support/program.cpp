@@ -73,6 +73,14 @@ bool take_switch(std::vector<std::string>& args, const std::string& flag) {
   return std::erase(args, flag) > 0;
 }
 
+std::uint64_t take_seed(std::vector<std::string>& args) {
+  const std::string text = take_option(args, "--seed");
+  if (text.empty()) return 1;
+  if (text.find_first_not_of("0123456789") == std::string::npos && text.size() <= 18)
+    return std::stoull(text);
+  throw UsageError{"'" + text + "' is not a seed: use a whole number"};
+}
+
 void expect_arguments(const std::vector<std::string>& args, std::size_t count) {
   for (const auto& a : args) {
     if (a.size() > 1 && a[0] == '-') throw UsageError{"unknown option '" + a + "'"};

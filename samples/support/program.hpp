@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <string>
 #include <vector>
@@ -21,6 +22,8 @@ int run_program(const std::string& name, const std::string& usage, int argc, cha
 std::string take_option(std::vector<std::string>& args, const std::string& flag);
 /// Takes `flag` out of `args`: true if it was there.
 bool take_switch(std::vector<std::string>& args, const std::string& flag);
+/// Takes `--seed N`; 1 if absent. @throws UsageError unless a whole number of at most 18 digits
+std::uint64_t take_seed(std::vector<std::string>& args);
 /// @throws UsageError unless exactly `count` arguments, none looking like a flag, are left
 void expect_arguments(const std::vector<std::string>& args, std::size_t count);
 

@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
+#include <sstream>
 #include <string>
 
 #include "apgm/format/reader.hpp"
@@ -19,9 +21,9 @@ struct Outcome {
   std::string output;  // stdout and stderr
 };
 
-Outcome run(const std::string& command) {
+Outcome shell(const std::string& command) {
   Outcome outcome;
-  FILE* pipe = ::popen((std::string(APGM_SAMPLES_DIR) + "/" + command + " 2>&1").c_str(), "r");
+  FILE* pipe = ::popen((command + " 2>&1").c_str(), "r");
   if (pipe == nullptr) return outcome;
   std::array<char, 4096> buffer{};
   while (const std::size_t n = std::fread(buffer.data(), 1, buffer.size(), pipe))
@@ -30,6 +32,8 @@ Outcome run(const std::string& command) {
   if (WIFEXITED(status)) outcome.code = WEXITSTATUS(status);
   return outcome;
 }
+
+Outcome run(const std::string& program) { return shell(std::string(APGM_SAMPLES_DIR) + "/" + program); }
 
 TEST(SampleProgramsTest, ExamplesRunOneAfterTheOther) {
   const test::TempDir dir;
@@ -58,6 +62,88 @@ TEST(SampleProgramsTest, ExamplesTellWhatIsWrong) {
   EXPECT_EQ(run("03_stream_a_file " + (dir / "a")).code, 4);
   test::write_file(dir / "text", "not a map");
   EXPECT_EQ(run("03_stream_a_file " + (dir / "text")).code, 4);
+}
+
+TEST(SampleProgramsTest, CopyOfALiveMapStaysEqual) {
+  const test::TempDir dir;
+  const Outcome live = run("04_map_live " + (dir / "near.apgm"));
+  EXPECT_EQ(live.code, 0) << live.output;
+  EXPECT_THAT(live.output, HasSubstr("the copy is equal"));
+  const Reader near(dir / "near.apgm");
+  EXPECT_GE(near.summary().patches, 2u);
+  EXPECT_LE(near.summary().patches, 9u);
+  EXPECT_EQ(run("04_map_live").code, 2);
+  EXPECT_EQ(run("04_map_live " + (dir / "near.apgm")).code, 5);  // exists
+}
+
+TEST(DriveMapTest, WritesStatisticsAndTheLiveMap) {
+  const test::TempDir dir;
+  const std::string command = "drive-map --from 155.5 --seconds 1 --stats " + (dir / "a.csv");
+  const Outcome drive = run(command + " -o " + (dir / "a.apgm"));
+  ASSERT_EQ(drive.code, 0) << drive.output;
+  EXPECT_THAT(drive.output, HasSubstr("parking      155.5-155.9"));
+  EXPECT_THAT(drive.output, HasSubstr("road         156.0-156.4"));
+
+  std::istringstream stats(test::read_file(dir / "a.csv"));
+  std::string line;
+  std::getline(stats, line);
+  EXPECT_EQ(line,
+            "time_s,profile,x_m,y_m,patches,"
+            "occupancy_cells,occupancy_bytes,occupancy_fill,occupancy_observe_ms,occupancy_fuse_ms,occupancy_"
+            "upkeep_ms,"
+            "semantics_cells,semantics_bytes,semantics_fill,semantics_observe_ms,semantics_fuse_ms,semantics_"
+            "upkeep_ms");
+  int lines = 0;
+  while (std::getline(stats, line)) {
+    EXPECT_EQ(std::count(line.begin(), line.end(), ','), 16) << line;
+    EXPECT_THAT(line, HasSubstr(lines < 5 ? ",parking," : ",road,"));
+    ++lines;
+  }
+  EXPECT_EQ(lines, 10);
+
+  // The same seed gives the same file, another one another.
+  EXPECT_EQ(run("drive-map --from 155.5 --seconds 1 -o " + (dir / "b.apgm")).code, 0);
+  EXPECT_EQ(test::read_file(dir / "a.apgm"), test::read_file(dir / "b.apgm"));
+  EXPECT_EQ(run("drive-map --seed 2 --from 155.5 --seconds 1 -O -o " + (dir / "b.apgm")).code, 0);
+  EXPECT_NE(test::read_file(dir / "a.apgm"), test::read_file(dir / "b.apgm"));
+}
+
+TEST(DriveMapTest, StatisticsCanBeDrawn) {
+  const test::TempDir dir;
+  const std::string plot = std::string("python3 ") + APGM_SAMPLES_SOURCE_DIR + "/plot_drive.py ";
+  ASSERT_EQ(run("drive-map --from 155 --seconds 2 --stats " + (dir / "a.csv")).code, 0);
+  const Outcome drawn = shell(plot + (dir / "a.csv") + " " + (dir / "a.svg"));
+  ASSERT_EQ(drawn.code, 0) << drawn.output;
+  const std::string svg = test::read_file(dir / "a.svg");
+  EXPECT_EQ(svg.rfind("<svg", 0), 0u);
+  for (const char* words : {">parking<", ">road<", ">occupancy<", ">semantics<"}) {
+    EXPECT_THAT(svg, HasSubstr(words));
+  }
+  test::write_file(dir / "b.csv", "a,b\n1,2\n");
+  EXPECT_NE(shell(plot + (dir / "b.csv") + " " + (dir / "b.svg")).code, 0);
+}
+
+TEST(DriveMapTest, RefusesBadArguments) {
+  const test::TempDir dir;
+  EXPECT_EQ(run("drive-map --seconds fast").code, 2);
+  EXPECT_EQ(run("drive-map --seed 1.5").code, 2);
+  EXPECT_EQ(run("drive-map surplus").code, 2);
+  EXPECT_EQ(run("drive-map --profiles " + (dir / "absent.yaml")).code, 4);
+  test::write_file(dir / "bad.yaml", "requirements:\n  - {layer: occupancy, horizon_m: 20, cell_m: 0.15}\n");
+  const Outcome bad = run("drive-map --seconds 1 --profiles " + (dir / "bad.yaml"));
+  EXPECT_EQ(bad.code, 2);
+  EXPECT_THAT(bad.output, HasSubstr("power-of-two"));
+  // Refused before the drive, not when its time comes.
+  test::write_file(dir / "late.yaml",
+                   "profiles:\n"
+                   "  - {from_s: 0, requirements: [{layer: occupancy, horizon_m: 20, cell_m: 0.1}]}\n"
+                   "  - {from_s: 400, requirements: [{layer: radar, horizon_m: 20, cell_m: 0.1}]}\n");
+  EXPECT_EQ(run("drive-map --seconds 0.1 --profiles " + (dir / "late.yaml")).code, 2);
+  test::write_file(dir / "kept", "");
+  EXPECT_EQ(run("drive-map --seconds 1 -o " + (dir / "kept")).code, 5);
+  EXPECT_EQ(run("drive-map --seconds 1 --stats " + (dir / "kept")).code, 5);
+  EXPECT_EQ(run("drive-map --help").code, 0);
+  EXPECT_THAT(dir.list(), testing::UnorderedElementsAre("bad.yaml", "kept", "late.yaml"));
 }
 
 TEST(MakeSceneTest, WritesReadableMapsAndKeepsThem) {
