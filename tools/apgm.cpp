@@ -21,10 +21,12 @@ struct Verb {
   const char* name;
   const char* summary;
 };
-constexpr std::array<Verb, 5> kVerbs{{{"info", "say what an .apgm map holds"},
+constexpr std::array<Verb, 7> kVerbs{{{"info", "say what an .apgm map holds"},
                                       {"convert", "convert maps between .apgm and other formats"},
                                       {"merge", "fuse maps into one"},
                                       {"crop", "cut a region out of a map"},
+                                      {"resample", "bring a map to other cell sizes or another grid"},
+                                      {"map", "make a map of laser scans and point clouds"},
                                       {"render", "draw a map as a picture"}}};
 
 std::string own_directory() {

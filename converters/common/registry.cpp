@@ -6,8 +6,14 @@
 #include "converters/common/converter.hpp"
 #include "converters/common/file.hpp"
 
+#ifdef APGM_HAS_GEOTIFF
+#include "converters/geotiff/geotiff.hpp"
+#endif
 #ifdef APGM_HAS_MAP_SERVER
 #include "converters/map_server/map_server.hpp"
+#endif
+#ifdef APGM_HAS_NUMPY
+#include "converters/numpy/numpy.hpp"
 #endif
 #ifdef APGM_HAS_OCTOMAP
 #include "converters/octomap/octomap.hpp"
@@ -17,8 +23,14 @@ namespace apgm::converters {
 
 const std::vector<const Converter*>& all() {
   static const std::vector<const Converter*> converters{
+#ifdef APGM_HAS_GEOTIFF
+      &geotiff(),
+#endif
 #ifdef APGM_HAS_MAP_SERVER
       &map_server(),
+#endif
+#ifdef APGM_HAS_NUMPY
+      &numpy(),
 #endif
 #ifdef APGM_HAS_OCTOMAP
       &octomap(),

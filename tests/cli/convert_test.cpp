@@ -24,7 +24,7 @@ TEST_F(ConvertCliTest, ListsFormatsWithSettingsAndLosses) {
     for (const Json& setting : format["settings"]) keys.insert(setting["key"].get<std::string>());
     EXPECT_TRUE(keys.contains("frame_id") && keys.contains("epsg")) << name;
   }
-  EXPECT_THAT(foreign, testing::IsSubsetOf({"octomap", "map_server"}));
+  EXPECT_THAT(foreign, testing::IsSubsetOf({"geotiff", "map_server", "numpy", "octomap"}));
 }
 
 TEST_F(ConvertCliTest, ReencodingKeepsTheContent) {

@@ -35,6 +35,15 @@ std::vector<ToolFlags> all_tools() {
       {"crop",
        kAll + kWriter + kMapWriter + kHeavy +
            std::vector<std::string>{"--layer", "--bbox", "--polygon", "--like", "--snap", "--salvage"}},
+      {"resample",
+       kAll + kWriter + kMapWriter + kHeavy +
+           std::vector<std::string>{"--layer", "--resolution", "--step", "--profile", "--at",
+                                    "--profile-name", "--edge", "--datum", "--policy", "--max-loss"}},
+      {"map",
+       kAll + kWriter + kMapWriter + kHeavy +
+           std::vector<std::string>{"--poses", "--from", "--from-scan", "--to-scan", "--resolution",
+                                    "--profile", "--edge", "--datum", "--frame-id", "--epsg", "--ageing",
+                                    "--min-unknown", "--model", "--models", "--heights", "--stats"}},
       {"render", kAll + kWriter + kHeavy + std::vector<std::string>{"--layer", "--scale", "--colormap"}},
   };
 }
@@ -157,6 +166,7 @@ class EveryReaderTest : public CliTest, public testing::WithParamInterface<std::
     std::vector<std::string> arguments{input};
     if (GetParam() != "info") arguments.insert(arguments.end(), {"-o", output()});
     if (GetParam() == "crop") arguments.insert(arguments.end(), {"--bbox", "0,0,5,5"});
+    if (GetParam() == "resample") arguments.insert(arguments.end(), {"--step", "2"});
     arguments.insert(arguments.end(), more.begin(), more.end());
     return tool(GetParam(), arguments);
   }
@@ -219,9 +229,10 @@ TEST_P(EveryFilterTest, UnknownLayerIsNamedWithTheKnown) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Tools, EveryReaderTest,
-                         testing::Values("info", "convert", "merge", "crop", "render"),
+                         testing::Values("info", "convert", "merge", "crop", "resample", "render"),
                          [](const auto& verb) { return verb.param; });
-INSTANTIATE_TEST_SUITE_P(Tools, EveryFilterTest, testing::Values("info", "convert", "crop", "render"),
+INSTANTIATE_TEST_SUITE_P(Tools, EveryFilterTest,
+                         testing::Values("info", "convert", "crop", "resample", "render"),
                          [](const auto& verb) { return verb.param; });
 
 /// Tools that write a file.
@@ -232,6 +243,7 @@ class EveryWriterTest : public CliTest, public testing::WithParamInterface<std::
   Outcome write_to(const std::vector<std::string>& more, Launch launch = {}) const {
     std::vector<std::string> arguments{"a.apgm"};
     if (GetParam() == "crop") arguments.insert(arguments.end(), {"--bbox", "0,0,5,5"});
+    if (GetParam() == "resample") arguments.insert(arguments.end(), {"--step", "2"});
     arguments.insert(arguments.end(), more.begin(), more.end());
     return tool(GetParam(), arguments, launch);
   }
@@ -354,6 +366,7 @@ TEST_P(EveryWriterTest, DryRunStillChecksTheInput) {
   put("b.apgm", "nothing");
   std::vector<std::string> arguments{"-n", "b.apgm", "-o", output()};
   if (GetParam() == "crop") arguments.insert(arguments.end(), {"--bbox", "0,0,5,5"});
+  if (GetParam() == "resample") arguments.insert(arguments.end(), {"--step", "2"});
   expect_failure(tool(GetParam(), arguments), 4, "'b.apgm' is not an apgm file");
 }
 
@@ -383,7 +396,8 @@ TEST_P(EveryWriterTest, OptionGivenTwice) {
   expect_failure(write_to({"-o", output(), "-o", "b"}), 2, "--output is given twice");
 }
 
-INSTANTIATE_TEST_SUITE_P(Tools, EveryWriterTest, testing::Values("convert", "merge", "crop", "render"),
+INSTANTIATE_TEST_SUITE_P(Tools, EveryWriterTest,
+                         testing::Values("convert", "merge", "crop", "resample", "render"),
                          [](const auto& verb) { return verb.param; });
 
 /// Tools that write .apgm files.
@@ -451,11 +465,12 @@ TEST_P(EveryMapWriterTest, FromStandardInput) {
   launch.input = path("a.apgm");
   std::vector<std::string> arguments{"-", "-o", "b.apgm"};
   if (GetParam() == "crop") arguments.insert(arguments.end(), {"--bbox", "0,0,5,5"});
+  if (GetParam() == "resample") arguments.insert(arguments.end(), {"--step", "2"});
   expect_silent(tool(GetParam(), arguments, launch));
   EXPECT_EQ(bytes("b.apgm"), bytes("out.apgm"));
 }
 
-INSTANTIATE_TEST_SUITE_P(Tools, EveryMapWriterTest, testing::Values("convert", "merge", "crop"),
+INSTANTIATE_TEST_SUITE_P(Tools, EveryMapWriterTest, testing::Values("convert", "merge", "crop", "resample"),
                          [](const auto& verb) { return verb.param; });
 
 }  // namespace

@@ -149,7 +149,7 @@ int fail(Session& session, const Error& error) {
 
 }  // namespace
 
-std::string foreign_formats() { return "octomap, map_server"; }
+std::string foreign_formats() { return "octomap, map_server, geotiff, numpy"; }
 
 void scan_arguments(Session& session, const std::vector<std::string>& arguments) {
   const auto color_from = [&](const std::string& text) {

@@ -22,10 +22,11 @@ std::string duration_text(double seconds) {
 
 }  // namespace
 
-Progress::Progress(std::string label, Write write, std::function<Clock::time_point()> now)
+Progress::Progress(std::string label, Write write, std::function<Clock::time_point()> now, ProgressUnit unit)
     : label_(std::move(label)),
       write_(std::move(write)),
       now_(std::move(now)),
+      unit_(unit),
       start_(now_()),
       drawn_at_(start_) {}
 
@@ -36,7 +37,7 @@ void Progress::update(std::uint64_t done, std::uint64_t total) {
   if (time - start_ < kDelay || (visible_ && time - drawn_at_ < kInterval)) return;
   visible_ = true;
   drawn_at_ = time;
-  write_(kEraseLine + line(label_, done, total, std::chrono::duration<double>(time - start_).count()));
+  write_(kEraseLine + line(label_, done, total, std::chrono::duration<double>(time - start_).count(), unit_));
 }
 
 void Progress::erase() {
@@ -45,15 +46,18 @@ void Progress::erase() {
 }
 
 std::string Progress::line(const std::string& label, std::uint64_t done, std::uint64_t total,
-                           double elapsed_s) {
+                           double elapsed_s, ProgressUnit unit) {
+  const bool bytes = unit == ProgressUnit::kBytes;
+  const auto amount = [&](std::uint64_t n) { return bytes ? size_text(n) : count_text(n); };
+  const std::string noun = bytes ? "" : " patches";
   const double rate = elapsed_s > 0 ? static_cast<double>(done) / elapsed_s : 0;
-  std::string text = label + "  " + count_text(done);
+  std::string text = label + "  " + amount(done);
   if (total > 0) {
-    text += fmt::format(" / {} patches  {} %", count_text(total), total > 0 ? done * 100 / total : 0);
+    text += fmt::format(" / {}{}  {} %", amount(total), noun, done * 100 / total);
   } else {
-    text += " patches";
+    text += noun;
   }
-  text += fmt::format("  {}/s", count_text(static_cast<std::uint64_t>(rate)));
+  text += fmt::format("  {}/s", amount(static_cast<std::uint64_t>(rate)));
   if (total > done && done > 0) {
     text += "  " + duration_text(static_cast<double>(total - done) / rate) + " left";
   }

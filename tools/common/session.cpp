@@ -122,7 +122,7 @@ Findings Session::findings() {
   };
 }
 
-RunOptions Session::run_options(const HeavyOptions& heavy, const std::string& label) {
+RunOptions Session::run_options(const HeavyOptions& heavy, const std::string& label, ProgressUnit unit) {
   RunOptions run;
   run.threads = heavy.threads;
   run.max_memory_bytes = heavy.max_memory_bytes;
@@ -131,7 +131,8 @@ RunOptions Session::run_options(const HeavyOptions& heavy, const std::string& la
   const bool shown = heavy.progress.value_or(::isatty(STDERR_FILENO) == 1 && !quiet);
   if (shown) {
     progress_ = std::make_unique<Progress>(
-        label, [](const std::string& text) { (void)write_all(STDERR_FILENO, text); });
+        label, [](const std::string& text) { (void)write_all(STDERR_FILENO, text); }, Progress::Clock::now,
+        unit);
     run.progress = [this](std::uint64_t done, std::uint64_t total) { progress_->update(done, total); };
   }
   return run;

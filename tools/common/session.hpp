@@ -50,7 +50,8 @@ class Session {
   Findings findings();
 
   /// Threads, budget, cancellation, findings, and progress under `label` where it is to be shown.
-  RunOptions run_options(const HeavyOptions& heavy, const std::string& label);
+  RunOptions run_options(const HeavyOptions& heavy, const std::string& label,
+                         ProgressUnit unit = ProgressUnit::kPatches);
   /// @throws Error{kCancelled} once a signal asked to stop
   void check_cancelled() const;
 
