@@ -337,7 +337,17 @@ class ConvertTool final : public Tool {
   void check_outputs(const std::vector<std::string>& written) const {
     std::vector<std::string> read{input_};
     if (reader_ != nullptr) read = reader_->files_read(input_);
+    for (const auto& [key, value] : settings_) {
+      if (names_file(key)) read.push_back(value);
+    }
     for (const std::string& output : written) check_not_an_input(output, read);
+  }
+
+  bool names_file(const std::string& key) const {
+    if (reader_ == nullptr) return false;
+    const auto specs = reader_->settings();
+    return std::any_of(specs.begin(), specs.end(),
+                       [&](const SettingSpec& s) { return s.key == key && s.is_file; });
   }
 
   Settings settings_of(const Converter* converter, bool reading) const {
@@ -398,7 +408,9 @@ class ConvertTool final : public Tool {
 
   Provenance step(const PatchSource& source) const {
     Json parameters = Json::object();
-    if (!settings_.empty()) parameters["set"] = settings_;
+    Settings told = settings_;
+    std::erase_if(told, [&](const auto& s) { return names_file(s.first); });
+    if (!told.empty()) parameters["set"] = told;
     if (!filter_.layers.empty()) parameters["layers"] = filter_.layers;
     if (filter_.box) parameters["bbox_m"] = box_json(*filter_.box);
     if (writing_.lossy != Lossy::kNone) parameters["lossy"] = writing_.lossy == Lossy::kU16 ? "u16" : "u8";

@@ -23,6 +23,7 @@ struct SettingSpec {
   std::string default_value;  ///< as text; empty: none
   bool for_reading = true;
   bool for_writing = false;
+  bool is_file = false;  ///< the value names a file that is read: its name does not enter the map's history
 };
 
 struct ReadRequest {

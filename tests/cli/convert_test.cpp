@@ -24,7 +24,7 @@ TEST_F(ConvertCliTest, ListsFormatsWithSettingsAndLosses) {
     for (const Json& setting : format["settings"]) keys.insert(setting["key"].get<std::string>());
     EXPECT_TRUE(keys.contains("frame_id") && keys.contains("epsg")) << name;
   }
-  EXPECT_THAT(foreign, testing::IsSubsetOf({"geotiff", "map_server", "numpy", "octomap"}));
+  EXPECT_THAT(foreign, testing::IsSubsetOf({"fixed_grid", "geotiff", "map_server", "numpy", "octomap"}));
 }
 
 TEST_F(ConvertCliTest, ReencodingKeepsTheContent) {
@@ -247,6 +247,47 @@ TEST_F(MapServerCliTest, StandardStreamsAreForMaps) {
       {"/bin/sh", "-c",
        "cat '" + path("a.apgm") + "' | '" + command("convert", {})[0] + "' - -o '" + path("c.apgm") + "'"}));
   EXPECT_EQ(info("c.apgm")["map"]["content_id"], info("b.apgm")["map"]["content_id"]);
+}
+
+class RasterCliTest : public CliTest {
+ protected:
+  /// Two classes, 7 and 9, as an ASCII raster of 4 x 4 cells.
+  void SetUp() override {
+    put("land.asc",
+        "ncols 4\nnrows 4\nxllcorner 0\nyllcorner 0\ncellsize 1\n7 7 7 7\n7 7 9 9\n7 7 9 9\n9 9 9 9\n");
+    put("legend.csv", "7,Road\n9,Grass\n");
+  }
+  Outcome convert(std::vector<std::string> arguments) const { return tool("convert", arguments); }
+  const std::vector<std::string> import_{"land.asc",   "--set", "legend=legend.csv", "--set",
+                                         "epsg=32632", "--set", "edge_m=4"};
+};
+
+TEST_F(RasterCliTest, TheNameOfALegendStaysOutOfTheHistory) {
+  std::vector<std::string> arguments = import_;
+  arguments.insert(arguments.end(), {"-o", "land.apgm"});
+  ASSERT_EQ(convert(arguments).code, 0);
+  const Json history = info("land.apgm", {"--history"})["history"];
+  EXPECT_EQ(history[0]["parameters"]["set"], (Json{{"epsg", "32632"}, {"edge_m", "4"}}));
+}
+
+TEST_F(RasterCliTest, ALegendIsNoOutput) {
+  std::vector<std::string> arguments = import_;
+  arguments.insert(arguments.end(), {"-O", "-o", "legend.csv"});
+  EXPECT_EQ(convert(arguments).code, 2);
+  EXPECT_EQ(bytes("legend.csv"), "7,Road\n9,Grass\n");
+}
+
+TEST_F(RasterCliTest, MapsReturnFromRastersAndArrays) {
+  write_random("a.apgm", 3);
+  for (const std::string name : {"a.tif", "a.npz"}) {
+    const Outcome out = convert({"a.apgm", "--layer", "occupancy", "-o", name});
+    ASSERT_TRUE(out.code == 0 || out.code == 3) << out.err;
+    ASSERT_EQ(convert({name, "-o", name + ".apgm"}).code, 0);
+  }
+  // Rasters have one cell size, arrays keep each layer's own.
+  ASSERT_EQ(convert({"a.apgm", "--layer", "occupancy", "-o", "only.apgm"}).code, 0);
+  EXPECT_EQ(info("a.npz.apgm")["map"]["content_id"], info("only.apgm")["map"]["content_id"]);
+  EXPECT_EQ(info("a.tif.apgm")["map"]["bbox_m"], info("only.apgm")["map"]["bbox_m"]);
 }
 
 }  // namespace
