@@ -6,6 +6,7 @@
 #include "converters/common/converter.hpp"
 #include "converters/common/file.hpp"
 
+#include "converters/fixed_grid/fixed_grid.hpp"
 #ifdef APGM_HAS_GEOTIFF
 #include "converters/geotiff/geotiff.hpp"
 #endif
@@ -23,6 +24,7 @@ namespace apgm::converters {
 
 const std::vector<const Converter*>& all() {
   static const std::vector<const Converter*> converters{
+      &fixed_grid(),
 #ifdef APGM_HAS_GEOTIFF
       &geotiff(),
 #endif

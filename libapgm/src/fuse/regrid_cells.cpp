@@ -44,7 +44,7 @@ class OccupancyModel final : public CellModel {
   }
 
   void restore(const double* v, float* m) const override {
-    m[0] = static_cast<float>(-portable::expm1(-v[0]));
+    m[0] = static_cast<float>(-portable::expm1(-v[0])) + 0.0f;  // not -0
     const float rest = 1.0f - m[0];
     const auto scaled = [&](double phi) { return rest * static_cast<float>(std::clamp(phi, 0.0, 1.0)); };
     switch (policy_) {

@@ -4,14 +4,14 @@
 #include "apgm/observe/model.hpp"
 #include "apgm/observe/profile.hpp"
 #include "observe/parameters.hpp"
-#include "observe/yaml_reader.hpp"
+#include "yaml/yaml_reader.hpp"
 
 namespace apgm {
 namespace {
 
 using observe::Parameter;
-using observe::YamlMap;
-using observe::YamlValue;
+using yaml::YamlMap;
+using yaml::YamlValue;
 
 /// Reads the keys of one section of the models into their places.
 void read_section(const YamlMap& root, std::string_view section, std::span<const Parameter> all) {
@@ -142,7 +142,7 @@ Schedule::Entry read_entry(const YamlValue& value, const Schedule& before) {
 
 Models parse_models(std::string_view yaml, std::string_view name) {
   const std::string text_name(name);
-  const YamlValue text = observe::load_yaml(yaml, text_name);
+  const YamlValue text = apgm::yaml::load_yaml(yaml, text_name);
   const YamlMap root(
       text, {"model", "nuss", "richter", "limits", "camera", "occupancy_layer", "semantic_layer", "classes"});
   Models models;
@@ -162,7 +162,7 @@ Models parse_models(std::string_view yaml, std::string_view name) {
 
 Schedule parse_profiles(std::string_view yaml, std::string_view name) {
   const std::string text_name(name);
-  const YamlValue text = observe::load_yaml(yaml, text_name);
+  const YamlValue text = apgm::yaml::load_yaml(yaml, text_name);
   const YamlMap root(text, {"name", "requirements", "profiles"});
   Schedule schedule;
   if (!root.has("profiles")) {

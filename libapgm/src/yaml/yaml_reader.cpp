@@ -1,4 +1,4 @@
-#include "observe/yaml_reader.hpp"
+#include "yaml/yaml_reader.hpp"
 
 #include <yaml-cpp/eventhandler.h>
 
@@ -11,7 +11,7 @@
 
 #include "apgm/core/text.hpp"
 
-namespace apgm::observe {
+namespace apgm::yaml {
 namespace {
 
 constexpr std::size_t kMaxTextBytes = 1 << 20;
@@ -206,4 +206,4 @@ YamlValue load_yaml(std::string_view text, const std::string& name) {
   }
 }
 
-}  // namespace apgm::observe
+}  // namespace apgm::yaml

@@ -9,7 +9,7 @@
 
 #include "apgm/core/error.hpp"
 
-namespace apgm::observe {
+namespace apgm::yaml {
 
 /// A value of a YAML text, with what messages need to name it. All members throw Error{kInvalidArgument} with
 /// the name of the text and the line.
@@ -59,4 +59,4 @@ class YamlMap : public YamlValue {
 /// most 16 deep. @param name  outlives the value
 YamlValue load_yaml(std::string_view text, const std::string& name);
 
-}  // namespace apgm::observe
+}  // namespace apgm::yaml

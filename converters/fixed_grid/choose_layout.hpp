@@ -1,0 +1,19 @@
+#pragma once
+
+#include <memory>
+
+#include "apgm/layouts/layout.hpp"
+#include "converters/common/settings.hpp"
+
+namespace apgm::converters {
+
+std::vector<SettingSpec> layout_settings();
+/// Checks the settings as far as that goes without a map.
+void check_layout_settings(const SettingsReader& settings);
+/// The layout that the settings name, at the vehicle's place, without data.
+/// @param map  its types, its frame, and where settings are missing its middle and its finest cells
+std::unique_ptr<Layout> choose_layout(const SettingsReader& settings, const PatchSource& map);
+/// Where the settings or the map's middle put the vehicle.
+Point vehicle_of(const SettingsReader& settings, const PatchSource& map);
+
+}  // namespace apgm::converters
