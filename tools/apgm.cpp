@@ -21,12 +21,13 @@ struct Verb {
   const char* name;
   const char* summary;
 };
-constexpr std::array<Verb, 7> kVerbs{{{"info", "say what an .apgm map holds"},
+constexpr std::array<Verb, 8> kVerbs{{{"info", "say what an .apgm map holds"},
                                       {"convert", "convert maps between .apgm and other formats"},
                                       {"merge", "fuse maps into one"},
                                       {"crop", "cut a region out of a map"},
                                       {"resample", "bring a map to other cell sizes or another grid"},
                                       {"map", "make a map of laser scans and point clouds"},
+                                      {"compare", "what a map or a drive costs in other layouts"},
                                       {"render", "draw a map as a picture"}}};
 
 std::string own_directory() {
