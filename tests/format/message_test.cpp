@@ -87,7 +87,8 @@ TEST(MessageTest, ListsThatBreakTheirRulesAreNotWritten) {
 TEST(MessageTest, MalformedListsAreDamage) {
   for (const char* text : {"1", "1 2", "1 2 ", "1 2  occupancy", " 1 2 occupancy", "1 2 other",
                            "1 2147483648 occupancy", "1 2x occupancy", "1 2 occupancy 3", "0x1 2 occupancy",
-                           "1 2 occupancy 1 2 occupancy", "77 5 velocity 77 5 occupancy"}) {
+                           "1 2 occupancy 1 2 occupancy", "77 5 velocity 77 5 occupancy", "0 0 occupancy ",
+                           "00 0 occupancy", "0 -0 occupancy", "+1 0 occupancy", " "}) {
     SCOPED_TRACE(text);
     const auto bytes = message_with(text);
     EXPECT_NO_THROW(map_from_bytes(bytes));

@@ -211,6 +211,28 @@ TEST(ScratchMapTest, AFullDiskIsAnOutputErrorAndLosesNothing) {
   EXPECT_EQ(difference(to_map(scratch), kept, true), "");
 }
 
+TEST(ScratchMapTest, DeadSpaceThatCannotBeReclaimedIsNoError) {
+  TempDir dir;
+  const Map map = test::sample_map(1, 60, 8);
+  ScratchMap scratch(map.header(), dir.path());
+  const auto store_all = [&] {
+    for (const auto& [key, patch] : map.by_key()) scratch.store(patch);
+  };
+  store_all();
+  const std::uint64_t live = scratch.file_bytes();
+  rlimit old{};
+  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &old), 0);
+  const rlimit none{0, old.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &none), 0);  // no file to move to
+  for (int round = 0; round < 12; ++round) store_all();
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &old), 0);
+  EXPECT_EQ(scratch.file_bytes(), 13 * live);
+  EXPECT_EQ(difference(to_map(scratch), map, true), "");
+  for (int round = 0; round < 40; ++round) store_all();
+  EXPECT_LT(scratch.file_bytes(), 3 * std::max<std::uint64_t>(live, 1 << 20));
+  EXPECT_EQ(difference(to_map(scratch), map, true), "");
+}
+
 TEST(ScratchMapTest, ADirectoryThatIsNotThereIsAnOutputError) {
   TempDir dir;
   try {

@@ -58,6 +58,18 @@ TEST(LayerFuser, DiscountsAnInput) {
   EXPECT_TRUE(same_cells(want, got));
 }
 
+TEST(LayerFuser, DiscountsALoneLayerWhereItStands) {
+  Random random(66);
+  for (const int step : {0, 3, 6}) {
+    Layer a = test::random_occupancy(step, random), want = a;
+    discount(want, kConditional, 0.25f);
+    std::vector<float> k;
+    LayerFuser().fuse(std::array<FuseInput, 1>{{{&a, &kConditional, 0.25f}}}, {}, Rule::kDempster, a, &k);
+    EXPECT_TRUE(same_cells(want, a));
+    EXPECT_EQ(k, std::vector<float>(a.cells(), 0.0f));
+  }
+}
+
 TEST(LayerFuser, OutputMayBeAnInputAtAnyStep) {
   Random random(65);
   LayerFuser fuser;

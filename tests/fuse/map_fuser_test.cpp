@@ -161,6 +161,21 @@ TEST(MapFuser, KeepsItsMemory) {
   EXPECT_EQ(planes_of(fuser.fuse(std::array{&a, &b})), first);
 }
 
+TEST(MapFuser, SmallLayersDoNotKeepTheMemoryOfLargeOnes) {
+  MapHeader header;
+  header.types = TypeTable({kOccupancy});
+  Map large(header), small(header);
+  for (std::int32_t i = 0; i < 20; ++i) {
+    large.layer({i, 0}, 0, 8).plane(0)[0] = 0.5f;
+    small.layer({i, 1}, 0, 3).plane(0)[0] = 0.5f;
+  }
+  MapFuser fuser;
+  fuser.fuse(std::array<const Map*, 1>{&large});
+  for (const auto& [key, patch] : fuser.fuse(std::array<const Map*, 1>{&small}).by_key()) {
+    for (const auto& [id, layer] : patch.layers) EXPECT_LE(layer.capacity_bytes(), 4 * layer.value_bytes());
+  }
+}
+
 TEST(MapFuser, LeavesWhatOnlyTheTargetHasWhereItStands) {
   Random random(83);
   Map target(MapHeader{.frame = {}, .types = TypeTable({kOccupancy}), .metadata = {}, .history = {}});

@@ -1,5 +1,7 @@
 #include <gmock/gmock.h>
 
+#include <functional>
+
 #include "apgm/core/error.hpp"
 #include "apgm/format/message.hpp"
 #include "apgm/format/scratch_map.hpp"
@@ -38,20 +40,22 @@ TEST(MapperStoreTest, TheFinalMapDoesNotDependOnTheMemory) {
       for (std::uint64_t seed = 0; seed < 6; ++seed) {
         SCOPED_TRACE("seed " + std::to_string(seed) + " ageing " + std::to_string(ageing));
         std::optional<Map> expected;
+        // What a profile requires must fit.
+        const std::uint64_t least = profiles ? 150'000 : 0;
         for (const std::uint64_t memory : {0, 1, 20'000, 100'000}) {
           MapperOptions options = coarse_options();
           options.ageing_per_s = ageing;
-          options.max_memory_bytes = memory;
+          options.max_memory_bytes = memory == 0 ? 0 : least + memory;
           MapHeader header;
           ScratchMap scratch(header, dir.path());
           Mapper mapper(header.frame, Models{}, options, &scratch);
           int calls = 0;
           drive(mapper, seed, {60, profiles, true}, [&] {
             if (++calls % 17 == 0) mapper.flush();
-            if (memory == 0 || profiles) return;
+            if (memory == 0) return;
             std::uint64_t bytes = 0;
             for (const auto& t : mapper.map().summary().types) bytes += t.raw_bytes;
-            ASSERT_LE(bytes, memory);
+            ASSERT_LE(bytes, options.max_memory_bytes);
           });
           mapper.flush();
           EXPECT_EQ(mapper.map().size(), 0u);
@@ -72,7 +76,7 @@ TEST(MapperStoreTest, TheSameCallsGiveTheSameMapWithAStoreInMemory) {
   TempDir dir;
   MapperOptions options = coarse_options();
   options.ageing_per_s = 0.8;
-  options.max_memory_bytes = 30'000;
+  options.max_memory_bytes = 150'000;
   ScratchMap scratch(MapHeader{}, dir.path());
   MemoryStore memory{Frame{}};
   Mapper a(Frame{}, Models{}, options, &scratch), b(Frame{}, Models{}, options, &memory);
@@ -88,7 +92,7 @@ TEST(MapperStoreTest, ChangesReproduceTheMapAtEveryLook) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     MapperOptions options = coarse_options();
     options.ageing_per_s = seed % 2 == 0 ? 1.0 : 0.5;
-    options.max_memory_bytes = seed % 3 == 0 ? 40'000 : 0;
+    options.max_memory_bytes = seed % 3 == 0 ? 150'000 : 0;
     MemoryStore store{Frame{}};
     Mapper mapper(Frame{}, Models{}, options, &store);
     Map copy(mapper.map().header());
@@ -145,7 +149,7 @@ TEST(MapperStoreTest, AnotherProfileHoldsWithinOneStepAndLosesNothingItWants) {
   const auto wide_steps = steps_of(wide, "occupancy");
   const Frame& frame = wide.header().frame;
   for (const auto& [patch, step] : wide_steps) {
-    EXPECT_EQ(road().required_step(frame, patch, "occupancy", {0, 0}), step);
+    EXPECT_EQ(ProfileInFrame(road(), frame).required_step(patch, "occupancy", {0, 0}), step);
   }
 
   mapper.set_profile(parking());
@@ -154,7 +158,7 @@ TEST(MapperStoreTest, AnotherProfileHoldsWithinOneStepAndLosesNothingItWants) {
   EXPECT_GT(report.patches_dropped, 0u);
   std::size_t wanted = 0;
   for (const auto& [patch, step] : wide_steps) {
-    const auto required = parking().required_step(frame, patch, "occupancy", {0, 0});
+    const auto required = ProfileInFrame(parking(), frame).required_step(patch, "occupancy", {0, 0});
     const auto steps = steps_of(mapper.map(), "occupancy");
     ASSERT_EQ(steps.contains(patch), required.has_value());
     if (!required) continue;
@@ -253,6 +257,134 @@ TEST(MapperStoreTest, AStoreThatFailsLosesNothing) {
   store.fails = false;
   mapper.move_to({5000, 0}, 2);
   EXPECT_EQ(difference(store.map, before, true), "");
+}
+
+std::uint64_t bytes_of(const Map& map) {
+  std::uint64_t bytes = 0;
+  for (const auto& t : map.summary().types) bytes += t.raw_bytes;
+  return bytes;
+}
+
+std::optional<ErrorCode> code_of(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const Error& e) {
+    return e.code();
+  }
+  return {};
+}
+
+TEST(MapperStoreTest, ALayerThatCannotBeBroughtToItsStepLosesNoOther) {
+  // The step is too fine for the layer; a profile that was checked does not ask for that, so the memory is
+  // what fails here.
+  MemoryStore store{Frame{}};
+  MapperOptions options = coarse_options();
+  options.max_memory_bytes = 1'000'000;
+  Mapper mapper(Frame{}, Models{}, options, &store);
+  test::Random random(8);
+  mapper.move_to({6, 6}, 0);
+  mapper.add(test::random_scan(random, {6, 6}, 0));
+  mapper.add(test::random_image(random, {6, 6}, 0));
+  const Map all = mapper.map();
+  ASSERT_EQ(all.find({0, 0})->layers.size(), 2u);
+  mapper.flush();
+  const auto total = [&] {
+    Map both = store.map;
+    for (const auto& [key, patch] : mapper.map().by_key()) {
+      for (const auto& [type, layer] : patch.layers) both.patch(patch.index).layers[type] = layer;
+    }
+    return both;
+  };
+  mapper.set_profile(Profile{"too fine", {disc("occupancy", 100, 0.8), disc("semantics", 100, 0.0125)}});
+  for (int i = 1; i < 4; ++i) {
+    EXPECT_EQ(code_of([&] { mapper.move_to({6, 6}, i); }), ErrorCode::kLimit);
+    EXPECT_EQ(difference(total(), all, true), "");
+  }
+  EXPECT_THAT(
+      [&] {
+        mapper.move_to({6, 6}, 9);
+      },
+      testing::Throws<Error>(testing::Property(&Error::message, testing::HasSubstr("'too fine'"))));
+  EXPECT_EQ(code_of([&] { mapper.add(test::random_scan(random, {6, 6}, 5)); }), ErrorCode::kLimit);
+  mapper.set_profile(Profile{"", {disc("occupancy", 100, 0.8), disc("semantics", 100, 0.8)}});
+  mapper.move_to({6, 6}, 10);
+  EXPECT_EQ(difference(mapper.map(), all, true), "");
+  EXPECT_EQ(store.map.size(), 0u);
+}
+
+TEST(MapperStoreTest, NoProfileAsksForLayersThatCannotBe) {
+  Models models;
+  models.classes = {"a", "b", "c", "d", "e"};
+  Mapper mapper(Frame{}, models, coarse_options());
+  EXPECT_EQ(code_of([&] {
+              mapper.set_profile(Profile{"", {disc("semantics", 10, 12.8 / 2048)}});
+            }),
+            ErrorCode::kInvalidArgument);
+}
+
+TEST(MapperStoreTest, WhatAProfileRequiresMustFitWhileItIsObserved) {
+  MemoryStore store{Frame{}};
+  MapperOptions options = coarse_options();
+  options.max_memory_bytes = 10'000;
+  Mapper mapper(Frame{}, Models{}, options, &store);
+  mapper.set_profile(road());
+  mapper.move_to({0, 0}, 0);
+  test::Random random(3);
+  EXPECT_EQ(code_of([&] {
+              for (int i = 0; i < 20; ++i) mapper.add(test::random_scan(random, {0, 0}, i));
+            }),
+            ErrorCode::kLimit);
+  EXPECT_GT(mapper.map().size(), 0u);
+  EXPECT_LE(bytes_of(mapper.map()), options.max_memory_bytes);
+  mapper.set_profile(std::nullopt);
+  EXPECT_NO_THROW(mapper.add(test::random_scan(random, {0, 0}, 30)));
+}
+
+/// A store that looks how large the map is whenever it is given something.
+class WatchingStore final : public PatchStore {
+ public:
+  void set_types(const TypeTable& types) override { store_.set_types(types); }
+  void store(const Patch& patch) override {
+    if (mapper != nullptr) most = std::max(most, bytes_of(mapper->map()));
+    store_.store(patch);
+  }
+  bool take(PatchIndex index, Patch& out) override { return store_.take(index, out); }
+  const Mapper* mapper = nullptr;
+  std::uint64_t most = 0;
+
+ private:
+  MemoryStore store_{Frame{}};
+};
+
+TEST(MapperStoreTest, MemoryIsBoundedDuringACallToo) {
+  MapHeader header;
+  header.types = TypeTable({LayerType::occupancy()});
+  Map wide(header);
+  for (std::int32_t i = 0; i < 400; ++i) wide.layer({i % 20, i / 20}, 0, 4).plane(0)[0] = 0.5f;
+  WatchingStore store;
+  MapperOptions options = coarse_options();
+  options.max_memory_bytes = 50'000;
+  Mapper mapper(Frame{}, Models{}, options, &store);
+  store.mapper = &mapper;
+  for (int i = 0; i < 3; ++i) mapper.add(wide);
+  EXPECT_GT(store.most, options.max_memory_bytes / 2);
+  EXPECT_LE(store.most, options.max_memory_bytes + 2048);
+}
+
+TEST(MapperStoreTest, OneMeasurementIsBounded) {
+  MemoryStore store{Frame{}};
+  MapperOptions options;
+  options.cell_m = 0.0125;  // 8 MiB a patch
+  options.max_memory_bytes = 1'000'000;
+  Mapper mapper(Frame{}, Models{}, options, &store);
+  RangeScan scan;
+  scan.beams.push_back({{0, 0}, {300, 0}, true});
+  EXPECT_EQ(code_of([&] { mapper.add(scan); }), ErrorCode::kLimit);
+  EXPECT_EQ(mapper.map().size() + store.map.size(), 0u);
+  scan.beams[0].to = {20, 1};
+  EXPECT_NO_THROW(mapper.add(scan));
+  mapper.flush();
+  EXPECT_EQ(store.map.size(), 2u);
 }
 
 TEST(MapperStoreTest, AWrongProfileLeavesTheOldOne) {

@@ -320,13 +320,14 @@ TEST(MapperTest, MassesStayValid) {
 }
 
 TEST(MapperTest, OptionsOutOfRangeAreRefused) {
-  std::vector<MapperOptions> bad(6);
+  std::vector<MapperOptions> bad(7);
   bad[0].ageing_per_s = 0;
   bad[1].ageing_per_s = 1.5;
   bad[2].min_unknown = 1;
   bad[3].min_unknown = -0.1;
   bad[4].cell_m = 0;
   bad[5].max_memory_bytes = 1;
+  bad[6].min_unknown = 0.51;
   for (const MapperOptions& options : bad) {
     EXPECT_EQ(code_of([&] { const Mapper mapper(Frame{}, Models{}, options); }), ErrorCode::kInvalidArgument);
   }
@@ -334,6 +335,52 @@ TEST(MapperTest, OptionsOutOfRangeAreRefused) {
   EXPECT_EQ(code_of([&] { mapper.flush(); }), ErrorCode::kInvalidArgument);
   mapper.set_profile(test::parking());
   EXPECT_EQ(code_of([&] { mapper.add(wall_scan(0)); }), ErrorCode::kInvalidArgument);
+  EXPECT_EQ(code_of([&] { mapper.add(LabelledGround{}); }), ErrorCode::kInvalidArgument);
+}
+
+TEST(MapperTest, WithAProfileForeignLayersNeedAPositionToo) {
+  Mapper mapper(Frame{}, Models{});
+  mapper.set_profile(test::parking());
+  Map foreign = even_map(0.5f, 0);
+  const TypeTable before = mapper.map().header().types;
+  EXPECT_EQ(code_of([&] { mapper.add(foreign); }), ErrorCode::kInvalidArgument);
+  EXPECT_EQ(mapper.map().header().types, before);
+  mapper.move_to({0, 0}, 0);
+  mapper.add(foreign);
+  EXPECT_EQ(mapper.map().size(), 1u);
+}
+
+TEST(MapperTest, NoRuleLeavesLayersWithoutData) {
+  for (const Rule rule : {Rule::kDempster, Rule::kYager, Rule::kMean, Rule::kMax, Rule::kLast}) {
+    MapperOptions options;
+    options.rule = rule;
+    options.min_unknown = 0;
+    Mapper mapper(Frame{}, Models{}, options);
+    mapper.add(even_map(1, 0));
+    mapper.add(even_map(0, 1));
+    // A mass that vanishes when it is divided.
+    Map tiny = even_map(std::numeric_limits<float>::denorm_min(), 0);
+    mapper.add(tiny, 0.25f);
+    for (const auto& [key, patch] : mapper.map().by_key()) {
+      for (const auto& [type, layer] : patch.layers) {
+        EXPECT_FALSE(is_vacuous(layer, mapper.map().header().types[type])) << to_string(rule);
+      }
+    }
+  }
+}
+
+TEST(MapperTest, TakesAnyTime) {
+  constexpr auto kFirst = std::numeric_limits<std::int64_t>::min();
+  constexpr auto kLast = std::numeric_limits<std::int64_t>::max();
+  for (const double ageing : {1.0, 0.5}) {
+    MapperOptions options;
+    options.ageing_per_s = ageing;
+    Mapper mapper(Frame{}, Models{}, options);
+    mapper.add(wall_scan(kFirst));
+    EXPECT_GT(mapper.map().size(), 0u);
+    mapper.move_to({0, 0}, kLast);
+    EXPECT_EQ(mapper.map().size() > 0, ageing == 1.0);
+  }
 }
 
 }  // namespace

@@ -302,6 +302,57 @@ TEST(ObserverTest, PixelsGiveTheClosedForm) {
   EXPECT_TRUE(is_canonical(cells, observer.models().semantic_type()));
 }
 
+TEST(ObserverTest, NoNumberOfPixelsIsCertain) {
+  const Frame frame = frame_of_8_m();
+  for (const double rho : {0.06, 0.9, 1 - 0x1p-53}) {
+    Models models;
+    models.camera.rho = rho;
+    Observer observer(frame, models);
+    for (const int kinds : {1, 2, 3}) {
+      for (const int pixels : {1, 2, 20, 300, 20'000}) {
+        LabelledGround image = image_of({});
+        for (int i = 0; i < pixels; ++i) {
+          image.pixels.push_back({{1, 1}, static_cast<std::uint8_t>(i % (kinds == 3 ? 3 : 7) % kinds)});
+        }
+        const auto layers = observer.observe(image, always(2));
+        ASSERT_EQ(layers.size(), 1u);
+        const Layer& cells = layers[0].cells;
+        EXPECT_TRUE(is_canonical(cells, models.semantic_type()));
+        const CellIndex at = frame.cell_at({1, 1}, 2).cell;
+        double sum = 0;
+        for (int c = 0; c < 4; ++c) {
+          EXPECT_LE(cells.at(c, at), 1 - 0x1p-24) << rho << " " << pixels;
+          sum += static_cast<double>(cells.at(c, at));
+        }
+        EXPECT_GE(cells.at(3, at), 0x1p-24f * 0.9999f) << rho << " " << pixels;
+        EXPECT_NEAR(sum, 1, 1e-6);
+      }
+    }
+  }
+}
+
+TEST(ObserverTest, KeepsToTheBytesOfAMeasurementAndGivesMemoryBack) {
+  const Frame frame = frame_of_8_m();
+  constexpr std::uint64_t kPatch = 2 * 4 * 32 * 32;
+  Observer observer(frame, models_of(ModelKind::kNuss), 3 * kPatch),
+      other(frame, models_of(ModelKind::kNuss));
+  EXPECT_EQ(observer.observe(scan_of({1, 1}, {{20, 1}}), always(5)).size(), 3u);
+  try {
+    observer.observe(scan_of({1, 1}, {{30, 1}}), always(5));
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kLimit);
+  }
+  Random random(4);
+  for (const std::uint64_t kept : {std::uint64_t{0}, 2 * kPatch, 4 * kPatch, std::uint64_t{1} << 30}) {
+    const RangeScan scan = scan_of({1, 1}, {{uniform(random, 2, 20), uniform(random, 1, 7)}});
+    const auto a = observer.observe(scan, always(5)), b = other.observe(scan, always(5));
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t i = 0; i < a.size(); ++i) EXPECT_TRUE(same_cells(a[i].cells, b[i].cells));
+    observer.trim(kept);
+  }
+}
+
 TEST(ObserverTest, CountsPixelsItCannotUse) {
   Observer observer(frame_of_8_m(), {});
   const auto layers = observer.observe(

@@ -23,10 +23,11 @@ Profile profile_of(std::vector<Requirement> requirements) { return {"test", std:
 
 std::vector<PatchIndex> wanted(const Profile& profile, const Frame& frame, Point vehicle) {
   std::vector<PatchIndex> patches;
-  const PatchRange reach = profile.reach(frame, vehicle);
+  const ProfileInFrame in_frame(profile, frame);
+  const PatchRange reach = in_frame.reach(vehicle);
   for (std::int32_t y = reach.min.y; y <= reach.max.y; ++y) {
     for (std::int32_t x = reach.min.x; x <= reach.max.x; ++x) {
-      if (profile.required_step(frame, {x, y}, "occupancy", vehicle)) patches.push_back({x, y});
+      if (in_frame.required_step({x, y}, "occupancy", vehicle)) patches.push_back({x, y});
     }
   }
   return patches;
@@ -49,7 +50,7 @@ TEST(ProfileTest, ExpectedPatchesOfADiscAre14_92) {
   for (int i = 0; i < kPositions; ++i) {
     const Point vehicle{uniform(random, -500, 500), uniform(random, -500, 500)};
     for (const PatchIndex p : wanted(parking(), frame, vehicle)) {
-      const int step = parking().required_step(frame, p, "occupancy", vehicle).value();
+      const int step = ProfileInFrame(parking(), frame).required_step(p, "occupancy", vehicle).value();
       ++patches;
       cells += std::pow(4, step);
     }
@@ -65,11 +66,12 @@ TEST(ProfileTest, ReachHoldsEveryWantedPatchAndIsTightForDiscs) {
     Frame frame;
     frame.datum_x_um = -123'456'789;
     const Point vehicle{uniform(random, -300, 300), uniform(random, -300, 300)};
-    const PatchRange reach = parking().reach(frame, vehicle);
+    const PatchRange reach = ProfileInFrame(parking(), frame).reach(vehicle);
     PatchRange met;
     for (std::int32_t y = reach.min.y - 2; y <= reach.max.y + 2; ++y) {
       for (std::int32_t x = reach.min.x - 2; x <= reach.max.x + 2; ++x) {
-        if (parking().required_step(frame, {x, y}, "occupancy", vehicle)) met.add(PatchIndex{x, y});
+        if (ProfileInFrame(parking(), frame).required_step({x, y}, "occupancy", vehicle))
+          met.add(PatchIndex{x, y});
       }
     }
     ASSERT_EQ(met, reach) << vehicle.x_m << " " << vehicle.y_m;
@@ -81,7 +83,7 @@ TEST(ProfileTest, ARingMeetsClosedSquares) {
   frame.edge_um = 10'000'000;
   const Profile disc = profile_of({{"occupancy", 10, Ring{0, 5}}});
   const auto step = [&](const Profile& p, PatchIndex patch, Point vehicle) {
-    return p.required_step(frame, patch, "occupancy", vehicle).has_value();
+    return ProfileInFrame(p, frame).required_step(patch, "occupancy", vehicle).has_value();
   };
   EXPECT_TRUE(step(disc, {1, 0}, {5, 5}));  // touches in a point
   EXPECT_TRUE(step(disc, {-1, 0}, {5, 5}));
@@ -93,7 +95,7 @@ TEST(ProfileTest, ARingMeetsClosedSquares) {
   const Profile outer = profile_of({{"occupancy", 10, Ring{7.08, 100}}});
   EXPECT_FALSE(step(outer, {0, 0}, {5, 5}));  // corners are 7.071 away
   EXPECT_TRUE(step(outer, {0, 0}, {4.9, 5}));
-  EXPECT_EQ(disc.reach(frame, {5, 5}), (PatchRange{{-1, -1}, {1, 1}}));
+  EXPECT_EQ(ProfileInFrame(disc, frame).reach({5, 5}), (PatchRange{{-1, -1}, {1, 1}}));
 }
 
 TEST(ProfileTest, TheFinestRequirementWins) {
@@ -103,7 +105,7 @@ TEST(ProfileTest, TheFinestRequirementWins) {
                                       {"semantics", 0.2, Ring{0, 40}},
                                       {"occupancy", 0.2, Polygon{{{{60, 60}, {64, 60}, {64, 64}}}}}});
   const auto step = [&](PatchIndex p, const char* layer) {
-    return profile.required_step(frame, p, layer, {5, 5});
+    return ProfileInFrame(profile, frame).required_step(p, layer, {5, 5});
   };
   EXPECT_EQ(step({0, 0}, "occupancy"), 7);
   EXPECT_EQ(step({1, 1}, "occupancy"), 7);
@@ -119,26 +121,26 @@ TEST(ProfileTest, APolygonWantsThePatchesItSharesAreaWith) {
   const Frame frame;
   const double e = frame.edge_m();
   const Profile profile = profile_of({{"occupancy", 0.2, Polygon{{{{0, 0}, {e, 0}, {e, e}, {0, e}}}}}});
-  EXPECT_EQ(profile.required_step(frame, {0, 0}, "occupancy", {1e6, 1e6}), 6);
+  EXPECT_EQ(ProfileInFrame(profile, frame).required_step({0, 0}, "occupancy", {1e6, 1e6}), 6);
   for (const PatchIndex p : {PatchIndex{1, 0}, PatchIndex{-1, 0}, PatchIndex{0, 1}, PatchIndex{-1, -1}}) {
-    EXPECT_EQ(profile.required_step(frame, p, "occupancy", {0, 0}), std::nullopt);
+    EXPECT_EQ(ProfileInFrame(profile, frame).required_step(p, "occupancy", {0, 0}), std::nullopt);
   }
-  EXPECT_TRUE(profile.reach(frame, {1e6, 1e6}).contains({0, 0}));
+  EXPECT_TRUE(ProfileInFrame(profile, frame).reach({1e6, 1e6}).contains({0, 0}));
 }
 
 TEST(ProfileTest, RefusesAVehicleNowhere) {
-  EXPECT_THROW(parking().reach({}, {std::nan(""), 0}), Error);
-  EXPECT_THROW(parking().required_step({}, {0, 0}, "occupancy", {0, 1e300}), Error);
+  EXPECT_THROW(ProfileInFrame(parking(), Frame{}).reach({std::nan(""), 0}), Error);
+  EXPECT_THROW(ProfileInFrame(parking(), Frame{}).required_step({0, 0}, "occupancy", {0, 1e300}), Error);
 }
 
 TEST(ProfileTest, RefusesRingsOutOfRangeUnchecked) {
   const Profile profile = profile_of({{"occupancy", 0.1, Ring{0, 1e300}}});
-  EXPECT_THROW(profile.reach({}, {0, 0}), Error);
+  EXPECT_THROW(ProfileInFrame(profile, Frame{}).reach({0, 0}), Error);
 }
 
 TEST(ProfileTest, NothingIsWantedWithoutRequirements) {
-  EXPECT_TRUE(Profile{}.reach({}, {0, 0}).empty());
-  EXPECT_EQ(Profile{}.required_step({}, {0, 0}, "occupancy", {0, 0}), std::nullopt);
+  EXPECT_TRUE(ProfileInFrame(Profile{}, Frame{}).reach({0, 0}).empty());
+  EXPECT_EQ(ProfileInFrame(Profile{}, Frame{}).required_step({0, 0}, "occupancy", {0, 0}), std::nullopt);
 }
 
 std::string check(std::vector<Requirement> requirements) {
@@ -188,6 +190,40 @@ TEST(ProfileTest, ChecksAreas) {
   EXPECT_THAT(check({{"occupancy", 0.1, Polygon{}}}), HasSubstr("without area"));
   EXPECT_THAT(check({{"occupancy", 0.1, Polygon{{{{0, 0}, {1, std::nan("")}, {2, 0}}}}}}),
               HasSubstr("not a finite"));
+}
+
+TEST(ProfileTest, RefusesCellsAtWhichALayerIsTooLarge) {
+  const TypeTable types({LayerType::semantic("five", {"a", "b", "c", "d", "e"}),
+                         LayerType::semantic("three", {"a", "b", "c"})});
+  const auto cells_of = [](const char* layer, double cell_m) {
+    return profile_of({{layer, cell_m, Ring{0, 20}}});
+  };
+  EXPECT_NO_THROW(cells_of("three", 12.8 / 2048).check({}, types));  // 64 MiB
+  EXPECT_NO_THROW(cells_of("five", 12.8 / 1024).check({}, types));
+  try {
+    cells_of("five", 12.8 / 2048).check({}, types);  // 96 MiB
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kInvalidArgument);
+    EXPECT_THAT(error.what(), HasSubstr("layer 'five' wants cells of 0.00625 m"));
+    EXPECT_THAT(error.hint(), HasSubstr("0.0125 m"));
+  }
+}
+
+TEST(ProfileTest, OnlyRingsOnALineHaveNoArea) {
+  const auto polygon = [](std::vector<std::vector<Point>> rings) {
+    return check({{"occupancy", 0.1, Polygon{std::move(rings)}}});
+  };
+  EXPECT_EQ(polygon({{{0, 0}, {2, 2}, {2, 0}, {0, 2}}}), "fine") << "a bow tie has area, even-odd";
+  EXPECT_EQ(polygon({{{0, 0}, {1e9, 0}, {1e9, 1e9}, {0, 1e-6}}}), "fine");
+  for (const double scale : {0.1, 1.0, 1e8}) {
+    const Point a{0, 0}, b{scale, 2 * scale}, c{3 * scale, 6 * scale};
+    EXPECT_THAT(polygon({{a, b, c}}), HasSubstr("without area")) << scale;
+    EXPECT_THAT(polygon({{a, a, c, b}}), HasSubstr("without area")) << scale;
+    EXPECT_THAT(polygon({{a, b, {0, scale}}, {a, b, c}}), HasSubstr("without area")) << scale;
+    EXPECT_EQ(polygon({{a, b, {0, scale}}}), "fine") << scale;
+  }
+  EXPECT_THAT(polygon({{{3, 3}, {3, 3}, {3, 3}}}), HasSubstr("without area"));
 }
 
 TEST(ScheduleTest, RefusesToBeEmpty) { EXPECT_THROW(Schedule{}.at(0), Error); }

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
+#include <limits>
 
 #include "random_map.hpp"
 
@@ -74,6 +75,14 @@ TEST(AgeingTest, EverythingFadesInTheEndAndNothingWithoutForgetting) {
     ageing.apply(l, t, std::int64_t{1} << 50);
     EXPECT_EQ(is_vacuous(l, t), t.is_evidence());
   });
+}
+
+TEST(AgeingTest, TicksDoNotOverflow) {
+  constexpr auto kFirst = std::numeric_limits<std::int64_t>::min();
+  constexpr auto kLast = std::numeric_limits<std::int64_t>::max();
+  EXPECT_EQ(Ageing(1).tick_of(kLast), 0);
+  const Ageing fast(1e-300);
+  EXPECT_GT(fast.tick_of(kLast) - fast.tick_of(kFirst), 0);
 }
 
 TEST(AgeingTest, TicksOfNegativeTimesGoOn) {

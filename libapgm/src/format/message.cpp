@@ -74,6 +74,8 @@ std::vector<MapChanges::Gone> parse_gone(std::string_view text) {
     g.layer = words.next();
     gone.push_back(std::move(g));
   }
+  // There is one way to write a list: no other spaces, zeros or signs.
+  if (to_text(gone) != text) fail_gone("its list of what is gone is malformed");
   return gone;
 }
 

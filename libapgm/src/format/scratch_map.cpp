@@ -1,7 +1,10 @@
 #include "apgm/format/scratch_map.hpp"
 
 #include <algorithm>
+#include <exception>
 #include <map>
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "apgm/core/error.hpp"
@@ -75,15 +78,16 @@ class ScratchCursor final : public PatchCursor {
 
 struct ScratchMap::State {
   State(MapHeader map_header, const std::string& directory, int zstd_level)
-      : header(std::move(map_header)), level(zstd_level), file(directory) {}
+      : header(std::move(map_header)), level(zstd_level), file(std::make_unique<ScratchFile>(directory)) {}
 
   MapHeader header;
   int level;
-  ScratchFile file;
+  std::unique_ptr<ScratchFile> file;
   Index index;
   std::uint64_t end = 0;   // of the file
   std::uint64_t live = 0;  // bytes of layers in the index
-  Layer cells;             // on their way into the file
+  std::uint64_t most_dead = kLeastDead;
+  Layer cells;  // on their way into the file
   StoredLayer stored;
   std::vector<std::byte> bytes;
 
@@ -117,13 +121,13 @@ struct ScratchMap::State {
     const auto [first, last] = layers_of(index, key);
     for (auto it = first; it != last; ++it) live -= it->second.bytes;
     index.erase(first, last);
-    if (live == 0) move_to_front();
+    if (live == 0) reclaim();
   }
 
   /// Writes what encode_all made, in place of what there was of the patch.
   void replace(std::uint64_t key, const std::vector<std::pair<Place, Entry>>& made) {
     const std::uint64_t at = end;
-    file.write(at, bytes);
+    file->write(at, bytes);
     end += bytes.size();
     live += bytes.size();
     forget(key);
@@ -131,28 +135,43 @@ struct ScratchMap::State {
       entry.offset += at;
       index.emplace(place, entry);
     }
-    if (end - live > std::max(live, kLeastDead)) move_to_front();
+    reclaim();
   }
 
-  /// Moves all layers to the front, in the order they lie in: none overtakes another, so it works in place.
-  /// Less is moved than was written since the last time.
-  void move_to_front() {
-    std::vector<Entry*> by_offset;
-    by_offset.reserve(index.size());
-    for (auto& [place, entry] : index) by_offset.push_back(&entry);
-    std::sort(by_offset.begin(), by_offset.end(), [](auto* a, auto* b) { return a->offset < b->offset; });
+  /// Writes all layers into a new file, in the order they lie in, and goes on with that one. Until it is
+  /// complete the old file stays as it is, and an error leaves all as it was: then more must be dead before
+  /// the next attempt. Less is moved than was written since the last time.
+  void compact() {
+    std::vector<std::pair<Entry*, std::uint64_t>> moves;
+    moves.reserve(index.size());
+    for (auto& [place, entry] : index) moves.emplace_back(&entry, 0);
+    std::ranges::sort(moves, {}, [](const auto& move) { return move.first->offset; });
+    auto fresh = std::make_unique<ScratchFile>(file->directory());
     std::uint64_t to = 0;
-    for (Entry* entry : by_offset) {
-      if (entry->offset != to) {
-        bytes.resize(entry->bytes);
-        file.read(entry->offset, bytes);
-        file.write(to, bytes);
-        entry->offset = to;
-      }
-      to += entry->bytes;
+    for (auto& [entry, offset] : moves) {
+      bytes.resize(entry->bytes);
+      file->read(entry->offset, bytes);
+      fresh->write(to, bytes);
+      offset = std::exchange(to, to + entry->bytes);
     }
+    for (const auto& [entry, offset] : moves) entry->offset = offset;
+    file = std::move(fresh);
     end = to;
-    file.truncate(end);
+  }
+
+  void reclaim() {
+    if (live == 0) {
+      end = 0;
+      file->truncate(0);
+      most_dead = kLeastDead;
+    } else if (end - live > std::max(live, most_dead)) {
+      try {
+        compact();
+        most_dead = kLeastDead;
+      } catch (const std::exception&) {
+        most_dead = 2 * (end - live);  // dead space is no reason to fail: all layers are where they were
+      }
+    }
   }
 
   /// Bytes of a layer, checked.
@@ -161,7 +180,7 @@ struct ScratchMap::State {
     if (it == index.end()) throw Error(ErrorCode::kInvalidArgument, "the scratch map has no such layer");
     const Entry& e = it->second;
     out.resize(e.bytes);
-    file.read(e.offset, out);
+    file->read(e.offset, out);
     if (hash_of(out) != e.stored_hash) fail_damaged(e, type);
     return e;
   }
@@ -175,11 +194,11 @@ struct ScratchMap::State {
   }
 
   [[noreturn]] void fail_damaged(const Entry& e, TypeId type) const {
-    throw Error(ErrorCode::kDamaged, "the scratch file in '" + file.directory() + "' lost layer '" +
+    throw Error(ErrorCode::kDamaged, "the scratch file in '" + file->directory() + "' lost layer '" +
                                          header.types[type].name + "' of patch (" +
                                          std::to_string(e.patch.x) + "," + std::to_string(e.patch.y) + ")")
         .hint("the disk or the memory of this machine may be failing")
-        .at(file.directory(), e.offset);
+        .at(file->directory(), e.offset);
   }
 };
 

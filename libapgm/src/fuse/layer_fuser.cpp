@@ -148,13 +148,18 @@ CombineReport LayerFuser::fuse(std::span<const FuseInput> inputs, std::optional<
   if (step < 0) throw Error(ErrorCode::kLimit, "a resolution step lies in 0..11");
   const bool keeps_bound = inputs.size() == 1 && inputs[0].layer->step() == step;
   const float error_bound = keeps_bound ? inputs[0].layer->error_bound : 0.0f;
+  const bool stays = keeps_bound && inputs[0].layer == &out;
 
   s.open(inputs, step, out);
   if (conflict != nullptr) conflict->resize(out.cells());
   float* k = conflict == nullptr ? nullptr : conflict->data();
   CombineReport report;
   if (inputs.size() == 1 && s.made_count == 1) {
-    s.made[0].make(inputs[0], {0, out.side()}, fuse::cells_of(out));
+    if (stays) {
+      fuse::discount_cells(fuse::cells_of(out), *inputs[0].type, inputs[0].alpha, out.cells());
+    } else {
+      s.made[0].make(inputs[0], {0, out.side()}, fuse::cells_of(out));
+    }
     if (k != nullptr) std::fill_n(k, out.cells(), 0.0f);
   } else {
     report.total_conflicts = s.fuse_strips(inputs, rule, out, k);

@@ -5,6 +5,7 @@
 #include <cassert>
 
 #include "apgm/core/error.hpp"
+#include "fuse/spare_layers.hpp"
 
 namespace apgm {
 namespace {
@@ -60,7 +61,8 @@ struct MapFuser::State {
   std::vector<Walk> walks;
   std::vector<Rule> rules;  // by fused TypeId
   std::vector<FuseInput> inputs;
-  std::vector<Layer> spare;
+  fuse::SpareLayers spare;
+  std::vector<int> steps;
   LayerFuser fuser;
   std::optional<Map> result;
   CombineReport report;
@@ -73,7 +75,7 @@ struct MapFuser::State {
                   const FuseOptions& options);
   bool fuse_layer(TypeId id, int required, const LayerType& type, Layer& out);
   bool gather(TypeId id);
-  Layer blank();
+  Layer blank(int required);
   void retire(Patch& patch, std::map<TypeId, Layer>::iterator it);
 };
 
@@ -156,9 +158,9 @@ void MapFuser::State::fuse_patch(PatchIndex index, const Patch* existing, Map& o
       if (!whole && !fuse_layer(id, *required, types[id], it->second)) retire(*target, it);
       continue;
     }
-    Layer layer = blank();
+    Layer layer = blank(*required);
     if (!fuse_layer(id, *required, types[id], layer)) {
-      spare.push_back(std::move(layer));
+      spare.keep(std::move(layer));
       continue;
     }
     if (target == nullptr) target = &out.patch(index);
@@ -181,15 +183,16 @@ bool MapFuser::State::fuse_layer(TypeId id, int required, const LayerType& type,
   return !is_vacuous(out, type);
 }
 
-Layer MapFuser::State::blank() {
-  if (spare.empty()) return {};
-  Layer layer = std::move(spare.back());
-  spare.pop_back();
-  return layer;
+/// Memory for what the gathered inputs give.
+Layer MapFuser::State::blank(int required) {
+  steps.clear();
+  for (const FuseInput& input : inputs) steps.push_back(input.layer->step());
+  const int step = std::clamp(fused_step(steps, required), 0, kMaxStep);
+  return spare.take((std::size_t{4} << (2 * step)) * static_cast<std::size_t>(inputs[0].layer->channels()));
 }
 
 void MapFuser::State::retire(Patch& patch, std::map<TypeId, Layer>::iterator it) {
-  spare.push_back(std::move(it->second));
+  spare.keep(std::move(it->second));
   patch.layers.erase(it);
   emptied |= patch.layers.empty();
 }

@@ -20,6 +20,11 @@ inline std::int64_t nanometres(double metres) { return std::llrint(metres * 1e9)
 
 inline bool is_finite(Point p) { return std::isfinite(p.x_m) && std::isfinite(p.y_m); }
 
+/// Key of a patch for hashing.
+inline std::uint64_t patch_key(PatchIndex p) {
+  return std::uint64_t{static_cast<std::uint32_t>(p.x)} << 32 | static_cast<std::uint32_t>(p.y);
+}
+
 /// nullopt if `p` is not finite or lies outside all patches.
 inline std::optional<GridPoint> grid_point(const Frame& frame, Point p) {
   constexpr double kMaxCoordinate_m = 4e9;

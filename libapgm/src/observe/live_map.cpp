@@ -8,26 +8,6 @@
 
 namespace apgm::observe {
 
-Layer SpareLayers::take(std::size_t value_bytes) {
-  auto best = layers_.end();
-  for (auto it = layers_.begin(); it != layers_.end(); ++it) {
-    if (it->value_bytes() < value_bytes || it->value_bytes() > 4 * value_bytes) continue;
-    if (best == layers_.end() || it->value_bytes() < best->value_bytes()) best = it;
-  }
-  if (best == layers_.end()) return {};
-  bytes_ -= best->value_bytes();
-  std::swap(*best, layers_.back());
-  Layer layer = std::move(layers_.back());
-  layers_.pop_back();
-  return layer;
-}
-
-void SpareLayers::keep(Layer&& layer) {
-  if (layers_.size() == kMost || bytes_ + layer.value_bytes() > kMostBytes) return;
-  bytes_ += layer.value_bytes();
-  layers_.push_back(std::move(layer));
-}
-
 LiveMap::LiveMap(MapHeader header) : map_(std::move(header)), totals_(map_.header().types.size()) {}
 
 void LiveMap::set_types(const TypeTable& types) {
@@ -101,11 +81,12 @@ void LiveMap::mark(PatchIndex index, TypeId type) {
 
 void LiveMap::touch(PatchIndex index, std::uint64_t call) { notes_[curve_key(index)].last_use = call; }
 
-std::vector<PatchIndex> LiveMap::by_last_use() const {
+std::vector<PatchIndex> LiveMap::by_last_use(std::uint64_t call) const {
   std::vector<std::tuple<std::uint64_t, std::uint64_t, PatchIndex>> order;
   order.reserve(notes_.size());
   for (const auto& [key, notes] : notes_) {
-    order.emplace_back(notes.last_use, key, map_.by_key().at(key).index);
+    const bool in_use = notes.last_use == call;
+    order.emplace_back(notes.last_use, in_use ? ~key : key, map_.by_key().at(key).index);
   }
   std::ranges::sort(order);
   std::vector<PatchIndex> indices;

@@ -8,22 +8,9 @@
 #include "apgm/core/map.hpp"
 #include "apgm/core/map_changes.hpp"
 #include "apgm/observe/mapper.hpp"
+#include "fuse/spare_layers.hpp"
 
 namespace apgm::observe {
-
-/// Memory of layers that left, for those that come: page faults cost more than the arithmetic.
-class SpareLayers {
- public:
-  /// A layer of some shape; all its values are unspecified. Memory of one that suffices, where there is one.
-  Layer take(std::size_t value_bytes);
-  void keep(Layer&& layer);
-
- private:
-  static constexpr std::size_t kMost = 64;
-  static constexpr std::size_t kMostBytes = std::size_t{32} << 20;
-  std::vector<Layer> layers_;
-  std::size_t bytes_ = 0;
-};
 
 /// The patches a Mapper has in memory, with what changed since the last look and totals by type.
 class LiveMap {
@@ -51,8 +38,9 @@ class LiveMap {
   void mark(PatchIndex index, TypeId type);
   /// The patch was used in call number `call`.
   void touch(PatchIndex index, std::uint64_t call);
-  /// Those in memory, the least recently used first, then by key.
-  std::vector<PatchIndex> by_last_use() const;
+  /// Those in memory, the least recently used first, then by key; those of call number `call` against the
+  /// order of their keys, since the next call looks at the first of them first.
+  std::vector<PatchIndex> by_last_use(std::uint64_t call) const;
   std::vector<PatchIndex> indices() const;
 
   MapChanges take_changes();
@@ -72,7 +60,7 @@ class LiveMap {
   std::map<std::uint64_t, Notes> notes_;                              // by curve_key, of the patches in map_
   std::map<std::pair<std::uint64_t, TypeId>, PatchIndex> last_look_;  // layers that were there
   std::vector<MapperReport::OfType> totals_;
-  SpareLayers spares_;
+  fuse::SpareLayers spares_;
 };
 
 }  // namespace apgm::observe

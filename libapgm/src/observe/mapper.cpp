@@ -19,8 +19,8 @@ const MapperOptions& checked(const MapperOptions& options, const PatchStore* sto
   if (!(options.ageing_per_s > 0 && options.ageing_per_s <= 1)) {
     refuse("the share of evidence left after a second lies above 0, and is at most 1");
   }
-  if (!(options.min_unknown >= 0 && options.min_unknown < 1)) {
-    refuse("the least unknown mass lies in 0 .. 1, 1 excluded");
+  if (!(options.min_unknown >= 0 && options.min_unknown <= 0.5)) {
+    refuse("the least unknown mass lies in 0 .. 0.5");
   }
   if (options.max_memory_bytes > 0 && store == nullptr) {
     refuse("a bound on the memory of a mapper needs a store");
@@ -28,8 +28,16 @@ const MapperOptions& checked(const MapperOptions& options, const PatchStore* sto
   return options;
 }
 
-void check_trust(float alpha) {
-  if (!(alpha >= 0 && alpha <= 1)) refuse("the trust in a measurement lies between 0 and 1");
+/// Values that one measurement may fill: room for one layer of any size at least.
+std::uint64_t measurement_bytes(const MapperOptions& options) {
+  if (options.max_memory_bytes == 0) return Observer::kMaxBytes;
+  return std::clamp<std::uint64_t>(options.max_memory_bytes, Layer::kMaxBytes, Observer::kMaxBytes);
+}
+
+/// Memory of measurements that is kept from call to call.
+std::uint64_t kept_bytes(const MapperOptions& options) {
+  constexpr std::uint64_t kMost = std::uint64_t{64} << 20;
+  return options.max_memory_bytes == 0 ? kMost : std::min(kMost, options.max_memory_bytes / 4);
 }
 
 /// A fused map holds both kinds of evidence in a cell.
@@ -65,7 +73,7 @@ Mapper::State::State(const Frame& map_frame, const Models& models, const MapperO
     : frame(map_frame),
       options(checked(mapper_options, patch_store)),
       store(patch_store),
-      observer(map_frame, models),
+      observer(map_frame, models, measurement_bytes(options)),
       occupancy_type(models.occupancy_type()),
       semantic_type(models.semantic_type()),
       ageing(options.ageing_per_s),
@@ -115,6 +123,15 @@ MapperReport Mapper::State::end_call() {
   return std::move(report);
 }
 
+/// Before anything of a measurement is looked at.
+void Mapper::State::check_ready(float alpha) const {
+  if (!(alpha >= 0 && alpha <= 1)) refuse("the trust in a measurement lies between 0 and 1");
+  if (profile && !vehicle) {
+    throw Error(ErrorCode::kInvalidArgument, "with a profile a mapper must know where the vehicle is")
+        .hint("call move_to before the first measurement");
+  }
+}
+
 /// The measured cells at `step`, discounted; `rows` then are those that may hold data.
 const Layer& Mapper::State::prepared(const Measured& measured, int step, RowRange& rows) {
   const Layer* cells = measured.cells;
@@ -140,6 +157,7 @@ void Mapper::State::fuse(const Measured& measured) {
     if (!wanted) return;
     step = *wanted;
   }
+  check_room(layer_bytes(measured.type, step) - (layer != nullptr ? layer->value_bytes() : 0));
   RowRange rows = measured.rows;
   const Layer& cells = prepared(measured, step, rows);
   if (layer != nullptr && layer->step() != step) {
@@ -161,22 +179,24 @@ void Mapper::State::fuse(const Measured& measured) {
   report.total_conflicts += conflicts;
   report.types[measured.type].cells_fused += static_cast<std::uint64_t>(rows.end - rows.begin)
                                              << layer->step();
-  // Total conflict and a trust near 0 are the only ways to no data at all.
-  if ((conflicts > 0 || measured.alpha < 1) && is_vacuous(*layer, type)) {
-    live.drop(measured.patch, measured.type);
-  }
+  // By total conflict, which some rules turn into m(Omega), by a trust near 0, or by rounding of masses near
+  // 0.
+  if (is_vacuous(*layer, type)) live.drop(measured.patch, measured.type);
+  evict(measured.patch);
 }
 
 template <typename Measurement>
 MapperReport Mapper::State::observe(const Measurement& measurement, TypeId type, const LayerType& cells_type,
                                     float alpha) {
-  check_trust(alpha);
-  if (profile && !vehicle) {
-    throw Error(ErrorCode::kInvalidArgument, "with a profile a mapper must know where the vehicle is")
-        .hint("call move_to before the first measurement");
-  }
+  check_ready(alpha);
   begin_call(measurement.stamp_ns);
   if (alpha == 0) return end_call();
+  // Whatever happens, the memory of this measurement is not kept beyond the call.
+  struct Trim {
+    ~Trim() { observer.trim(most_bytes); }
+    Observer& observer;
+    std::uint64_t most_bytes;
+  } const trim{observer, kept_bytes(options)};
   std::span<const ObservedLayer> layers;
   {
     const Stopwatch watch(report.types[type].observe_s);
@@ -200,9 +220,15 @@ Mapper::Mapper(Mapper&&) noexcept = default;
 Mapper& Mapper::operator=(Mapper&&) noexcept = default;
 
 void Mapper::set_profile(std::optional<Profile> profile) {
-  if (profile) profile->check(state_->frame, state_->live.types());
-  state_->profile = std::move(profile);
-  state_->follows = false;
+  State& s = *state_;
+  std::optional<ProfileInFrame> in_frame;
+  if (profile) {
+    profile->check(s.frame, s.live.types());
+    in_frame.emplace(*profile, s.frame);
+  }
+  s.profile = std::move(in_frame);
+  s.profile_name = profile ? std::move(profile->name) : std::string();
+  s.follows = false;
 }
 
 MapperReport Mapper::move_to(Point vehicle, std::int64_t stamp_ns) {
@@ -224,7 +250,7 @@ MapperReport Mapper::add(const LabelledGround& image, float alpha) {
 
 MapperReport Mapper::add(const PatchSource& measurement, float alpha) {
   State& s = *state_;
-  check_trust(alpha);
+  s.check_ready(alpha);
   const MapHeader& header = measurement.header();
   if (header.frame != s.frame) {
     throw Error(ErrorCode::kIncompatible, "the frames of the map and the measurement differ")

@@ -42,6 +42,7 @@ struct Mapper::State {
   // A call: begin_call, work, end_call (mapper.cpp).
   void begin_call(std::optional<std::int64_t> stamp_ns);
   MapperReport end_call();
+  void check_ready(float alpha) const;
   template <typename Measurement>
   MapperReport observe(const Measurement& measurement, TypeId type, const LayerType& cells_type, float alpha);
   void add_types(const TypeTable& types);
@@ -55,6 +56,7 @@ struct Mapper::State {
   std::optional<int> required(PatchIndex index, TypeId type);
   void follow();
   void fit_to_requirements();
+  void fit(PatchIndex index, TypeId type, int step);
   void bring_wanted_back();
 
   // Traffic with the store (mapper_store.cpp).
@@ -62,7 +64,9 @@ struct Mapper::State {
   void rest(PatchIndex index, const std::vector<TypeId>& types);
   void put_to_rest(Patch& patch);
   Patch take_from_rest(PatchIndex index);
-  void evict();
+  void evict(std::optional<PatchIndex> in_hand = {});
+  std::uint64_t layer_bytes(TypeId type, int step) const;
+  void check_room(std::uint64_t more_bytes) const;
   void flush();
 
   Frame frame;
@@ -75,7 +79,8 @@ struct Mapper::State {
   observe::LiveMap live;
   int base_step = 0;
 
-  std::optional<Profile> profile;
+  std::optional<ProfileInFrame> profile;
+  std::string profile_name;
   std::optional<Point> vehicle;
   bool follows = true;  ///< the map is as the profile and the position want it
   std::vector<std::unordered_map<std::uint64_t, std::optional<int>>> steps;  ///< r_req by type and patch

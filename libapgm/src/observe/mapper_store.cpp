@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "apgm/core/error.hpp"
 #include "observe/mapper_state.hpp"
 
 namespace apgm {
@@ -42,25 +43,43 @@ void Mapper::State::put_to_rest(Patch& patch) {
   }
 }
 
+/// What is wanted of a patch that rests comes into memory. Whatever fails on the way, each of its layers is
+/// either in memory or at rest.
 void Mapper::State::bring_back(PatchIndex index) {
-  if (resting.empty()) return;
+  const auto notes = resting.find(curve_key(index));
+  if (notes == resting.end()) return;
+  std::map<TypeId, int> wanted;
+  if (profile) {
+    for (const TypeId type : notes->second.types) {
+      if (const auto step = required(index, type)) wanted[type] = *step;
+    }
+  }
   Patch patch = take_from_rest(index);
+  std::uint64_t bytes = 0;
+  for (const auto& [type, layer] : patch.layers) {
+    if (wanted.contains(type)) bytes += layer_bytes(type, wanted[type]);
+  }
+  try {
+    check_room(bytes);
+  } catch (...) {
+    put_to_rest(patch);
+    throw;
+  }
+  std::vector<TypeId> back;
   for (auto it = patch.layers.begin(); it != patch.layers.end();) {
-    const TypeId type = it->first;
-    const auto wanted = profile ? required(index, type) : std::optional<int>(it->second.step());
-    if (!wanted) {
+    if (profile && !wanted.contains(it->first)) {
       ++it;
       continue;
     }
-    const Stopwatch watch(report.types[type].fuse_s);
-    live.insert(index, type, std::move(it->second));
+    live.insert(index, it->first, std::move(it->second));
     live.touch(index, calls);
+    back.push_back(it->first);
     it = patch.layers.erase(it);
-    if (live.find(index, type)->step() == *wanted) continue;
-    live.resample(index, type, *wanted);
-    ++report.layers_resampled;
   }
   put_to_rest(patch);
+  for (const TypeId type : back) {
+    if (profile) fit(index, type, wanted[type]);
+  }
 }
 
 void Mapper::State::rest(PatchIndex index, const std::vector<TypeId>& types) {
@@ -74,10 +93,25 @@ void Mapper::State::rest(PatchIndex index, const std::vector<TypeId>& types) {
   put_to_rest(patch);
 }
 
-void Mapper::State::evict() {
+std::uint64_t Mapper::State::layer_bytes(TypeId type, int step) const {
+  return (std::uint64_t{4} << (2 * step)) * live.types()[type].channels.size();
+}
+
+/// What a profile requires stays in memory: there is nothing to make room with.
+void Mapper::State::check_room(std::uint64_t more_bytes) const {
+  const std::uint64_t most = options.max_memory_bytes;
+  if (most == 0 || !profile || live.value_bytes() + more_bytes <= most) return;
+  throw Error(ErrorCode::kLimit, "what profile '" + profile_name + "' requires takes more than the " +
+                                     std::to_string(most) + " bytes of memory the mapper may use")
+      .hint("allow more memory, or require larger cells, smaller areas or fewer layers");
+}
+
+/// @param in_hand  a patch that stays
+void Mapper::State::evict(std::optional<PatchIndex> in_hand) {
   const std::uint64_t most = options.max_memory_bytes;
   if (most == 0 || profile || live.value_bytes() <= most) return;
-  for (const PatchIndex index : live.by_last_use()) {
+  for (const PatchIndex index : live.by_last_use(calls)) {
+    if (index == in_hand) continue;
     std::vector<TypeId> types;
     for (const auto& [type, layer] : live.map().find(index)->layers) types.push_back(type);
     rest(index, types);

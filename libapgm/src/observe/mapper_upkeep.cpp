@@ -1,11 +1,8 @@
+#include "observe/grid_point.hpp"
 #include "observe/mapper_state.hpp"
 
 namespace apgm {
 namespace {
-
-std::uint64_t packed(PatchIndex p) {
-  return static_cast<std::uint64_t>(static_cast<std::uint32_t>(p.x)) << 32 | static_cast<std::uint32_t>(p.y);
-}
 
 std::vector<TypeId> types_at(const Map& map, PatchIndex index) {
   std::vector<TypeId> types;
@@ -55,8 +52,8 @@ void Mapper::State::age_all(std::int64_t ticks) {
 }
 
 std::optional<int> Mapper::State::required(PatchIndex index, TypeId type) {
-  const auto [it, added] = steps[type].try_emplace(packed(index));
-  if (added) it->second = profile->required_step(frame, index, live.types()[type].name, *vehicle);
+  const auto [it, added] = steps[type].try_emplace(observe::patch_key(index));
+  if (added) it->second = profile->required_step(index, live.types()[type].name, *vehicle);
   return it->second;
 }
 
@@ -70,7 +67,21 @@ void Mapper::State::follow() {
   follows = true;
 }
 
+/// Brings a layer in memory to `step`.
+void Mapper::State::fit(PatchIndex index, TypeId type, int step) {
+  const Layer& layer = *live.find(index, type);
+  if (layer.step() == step) return;
+  const Stopwatch watch(report.types[type].fuse_s);
+  const std::uint64_t before = layer.value_bytes(), after = layer_bytes(type, step);
+  if (after > before) check_room(after - before);
+  live.resample(index, type, step);
+  ++report.layers_resampled;
+  if (is_vacuous(layer, live.types()[type])) live.drop(index, type);  // masses near 0, divided
+}
+
+/// What leaves and what becomes smaller makes room for what becomes larger.
 void Mapper::State::fit_to_requirements() {
+  std::vector<std::pair<PatchIndex, TypeId>> growing;
   for (const PatchIndex index : live.indices()) {
     std::vector<TypeId> leaving;
     const std::vector<TypeId> present = types_at(live.map(), index);
@@ -78,21 +89,22 @@ void Mapper::State::fit_to_requirements() {
       const auto step = required(index, type);
       if (!step) {
         leaving.push_back(type);
-      } else if (*step != live.find(index, type)->step()) {
-        const Stopwatch watch(report.types[type].fuse_s);
-        live.resample(index, type, *step);
-        ++report.layers_resampled;
+      } else if (*step > live.find(index, type)->step()) {
+        growing.emplace_back(index, type);
+      } else {
+        fit(index, type, *step);
       }
     }
     if (leaving.empty()) continue;
     rest(index, leaving);
     if (leaving.size() == present.size()) ++report.patches_dropped;
   }
+  for (const auto& [index, type] : growing) fit(index, type, *required(index, type));
 }
 
 void Mapper::State::bring_wanted_back() {
   if (resting.empty()) return;
-  const PatchRange reach = profile->reach(frame, *vehicle);
+  const PatchRange reach = profile->reach(*vehicle);
   std::vector<PatchIndex> wanted;
   const auto look_at = [&](const Resting& patch) {
     for (const TypeId type : patch.types) {

@@ -4,16 +4,13 @@
 #include <bit>
 
 #include "apgm/core/error.hpp"
+#include "observe/grid_point.hpp"
 
 namespace apgm::observe {
 namespace {
 
 /// Layers that no measurement has used for a while are freed beyond this.
 constexpr std::uint64_t kMaxUnusedBytes = std::uint64_t{256} << 20;
-
-std::uint64_t key_of(PatchIndex p) {
-  return std::uint64_t{static_cast<std::uint32_t>(p.x)} << 32 | static_cast<std::uint32_t>(p.y);
-}
 
 std::span<float> row_band(Layer& layer, int channel, RowRange rows) {
   const auto side = static_cast<std::size_t>(layer.side());
@@ -24,15 +21,26 @@ std::span<float> row_band(Layer& layer, int channel, RowRange rows) {
 }  // namespace
 
 void ObservedLayers::begin_measurement() {
-  if (unused_bytes_ > kMaxUnusedBytes) {
-    for (auto& layers : unused_) layers.clear();
-    unused_bytes_ = 0;
-  }
+  if (unused_bytes_ > kMaxUnusedBytes) free_unused();
   for (ObservedLayer& layer : layers_) recycle(std::move(layer));
   layers_.clear();
   by_patch_.clear();
   bytes_ = 0;
   has_last_ = false;
+}
+
+void ObservedLayers::free_unused() {
+  for (auto& layers : unused_) layers.clear();
+  unused_bytes_ = 0;
+}
+
+void ObservedLayers::trim(std::uint64_t most) {
+  if (unused_bytes_ + bytes_ > most) free_unused();
+  for (ObservedLayer& layer : layers_) {
+    if (unused_bytes_ + layer.cells.value_bytes() <= most) recycle(std::move(layer));
+  }
+  layers_.clear();
+  bytes_ = 0;
 }
 
 void ObservedLayers::clear_rows(ObservedLayer& layer) const {
@@ -49,7 +57,7 @@ void ObservedLayers::recycle(ObservedLayer&& layer) {
 }
 
 int ObservedLayers::find(PatchIndex patch, const StepOf& step_of) {
-  const std::uint64_t key = key_of(patch);
+  const std::uint64_t key = patch_key(patch);
   if (has_last_ && key == last_key_) return last_;
   const auto [known, is_new] = by_patch_.try_emplace(key, kUnwanted);
   if (is_new) {
@@ -65,9 +73,10 @@ int ObservedLayers::make(PatchIndex patch, int step) {
   if (step < 0 || step > kMaxStep) throw Error(ErrorCode::kLimit, "a resolution step lies in 0..11");
   auto& unused = unused_[static_cast<std::size_t>(step)];
   bytes_ += type_.channels.size() * sizeof(float) << (2 * step);
-  if (bytes_ > kMaxBytes) {
-    throw Error(ErrorCode::kLimit, "one measurement fills more than 4 GiB of cells")
-        .hint("take larger cells or a shorter max_range_m");
+  if (bytes_ > max_bytes_) {
+    throw Error(ErrorCode::kLimit,
+                "one measurement fills more than " + std::to_string(max_bytes_ >> 20) + " MiB of cells")
+        .hint("take larger cells or a shorter max_range_m, or allow more memory");
   }
   Layer layer;
   if (unused.empty()) {

@@ -12,32 +12,35 @@ namespace apgm::observe {
 /// The layers of one measurement while it is taken in, and their memory from one measurement to the next.
 class ObservedLayers {
  public:
-  /// Most a single measurement may fill: 4 GiB of values.
-  static constexpr std::uint64_t kMaxBytes = std::uint64_t{4} << 30;
   static constexpr int kUnwanted = -1;
 
-  explicit ObservedLayers(LayerType type) : type_(std::move(type)) {}
+  /// @param max_bytes  of values that a single measurement may fill
+  ObservedLayers(LayerType type, std::uint64_t max_bytes) : type_(std::move(type)), max_bytes_(max_bytes) {}
 
   const LayerType& type() const { return type_; }
   /// Begins a measurement: no layers. Those handed out before are used again.
   void begin_measurement();
   /// Position of the layer of `patch`, made without data when absent; kUnwanted if `step_of` gives no step.
   /// `step_of` is asked once a patch and measurement.
-  /// @throws Error{kLimit} beyond kMaxBytes or if the step is not in 0..11
+  /// @throws Error{kLimit} beyond max_bytes or if the step is not in 0..11
   int find(PatchIndex patch, const StepOf& step_of);
   ObservedLayer& operator[](int at) { return layers_[static_cast<std::size_t>(at)]; }
   auto begin() { return layers_.begin(); }
   auto end() { return layers_.end(); }
   /// Ends a measurement: layers without data go, the others are stamped and sorted by curve_key.
   std::span<const ObservedLayer> finish(std::int64_t stamp_ns);
+  /// Takes the layers back, and keeps the memory of at most so many bytes.
+  void trim(std::uint64_t most);
 
  private:
   int make(PatchIndex patch, int step);
+  void free_unused();
   void clear_rows(ObservedLayer& layer) const;
   void recycle(ObservedLayer&& layer);
   bool has_data(const ObservedLayer& layer) const;
 
   LayerType type_;
+  std::uint64_t max_bytes_;
   std::vector<ObservedLayer> layers_;
   std::unordered_map<std::uint64_t, int> by_patch_;
   std::array<std::vector<Layer>, kMaxStep + 1> unused_;  // by step, all cells without data

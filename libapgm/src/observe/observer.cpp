@@ -13,11 +13,11 @@ using observe::GridPoint;
 using observe::ObservedLayers;
 
 struct Observer::State {
-  State(const Frame& f, Models m)
+  State(const Frame& f, Models m, std::uint64_t max_bytes)
       : frame(f),
         models(std::move(m)),
-        occupancy(models.occupancy_type()),
-        semantics(models.semantic_type()),
+        occupancy(models.occupancy_type(), max_bytes),
+        semantics(models.semantic_type(), max_bytes),
         finish_richter(models.richter),
         cells(observe::SegmentWalk::kMaxCells) {}
 
@@ -151,10 +151,10 @@ void Observer::State::add_pixel(const LabelledGround::Pixel& pixel, Point origin
   layer.cells.at(pixel.label, cell) += 1.0f;
 }
 
-Observer::Observer(const Frame& frame, Models models) {
+Observer::Observer(const Frame& frame, Models models, std::uint64_t max_bytes) {
   frame.check();
   models.check();
-  state_ = std::make_unique<State>(frame, std::move(models));
+  state_ = std::make_unique<State>(frame, std::move(models), max_bytes);
 }
 Observer::~Observer() = default;
 Observer::Observer(Observer&&) noexcept = default;
@@ -163,6 +163,11 @@ Observer& Observer::operator=(Observer&&) noexcept = default;
 const Models& Observer::models() const { return state_->models; }
 
 const Skipped& Observer::skipped() const { return state_->skipped; }
+
+void Observer::trim(std::uint64_t most_bytes) {
+  state_->occupancy.trim(most_bytes / 2);
+  state_->semantics.trim(most_bytes / 2);
+}
 
 std::span<const ObservedLayer> Observer::observe(const RangeScan& scan, const StepOf& step_of) {
   State& s = *state_;

@@ -24,6 +24,9 @@ void free_row(float* mark, int cells, float x, float y, float cell, float free_m
   }
 }
 
+/// Evidence that leaves m(Omega) = 2^-24, so that no sum of masses exceeds kMostMass.
+constexpr double kMostLambda = 24 * std::numbers::ln2;
+
 /// Powers 0, 1, ... of p, until they vanish beside 1 or the table is long enough.
 std::vector<double> powers_of(double p) {
   constexpr std::size_t kMost = 4096;
@@ -107,8 +110,11 @@ void finish_camera(const CameraModel& model, ObservedLayer& layer) {
     double total = 0;
     for (std::size_t k = 0; k < classes; ++k) total += lambda[k] = lambda_of_pixel * plane[k][i];
     if (total == 0) continue;
+    if (total > kMostLambda) {
+      for (std::size_t k = 0; k < classes; ++k) lambda[k] *= kMostLambda / total;
+    }
     fuse::masses_from_evidence(lambda.data(), classes, masses.data(), plane[classes][i]);
-    for (std::size_t k = 0; k < classes; ++k) plane[k][i] = masses[k];
+    for (std::size_t k = 0; k < classes; ++k) plane[k][i] = std::min(masses[k], kMostMass);
   }
 }
 

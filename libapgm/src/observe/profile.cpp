@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "apgm/core/error.hpp"
+#include "apgm/core/layer.hpp"
 #include "observe/grid_point.hpp"
 #include "observe/parameters.hpp"
 
@@ -85,29 +86,51 @@ void check_cell(const Profile& profile, const Requirement& r, const Frame& frame
                   : "cells lie between edge / 2^11 and the edge");
 }
 
+void check_size(const Profile& profile, const Requirement& r, const Frame& frame, const LayerType& type) {
+  const auto bytes_at = [&](int step) { return (std::size_t{4} << (2 * step)) * type.channels.size(); };
+  int step = frame.step_for(r.cell_m);
+  if (bytes_at(step) <= Layer::kMaxBytes) return;
+  while (bytes_at(step) > Layer::kMaxBytes) --step;
+  refuse(profile, r,
+         "wants cells of " + number_text(r.cell_m) + " m: a patch of its " +
+             std::to_string(type.channels.size()) + " channels would exceed " +
+             std::to_string(Layer::kMaxBytes >> 20) + " MiB",
+         "the smallest it can have are " + number_text(frame.cell_m(step)) + " m");
+}
+
 void check_ring(const Profile& profile, const Requirement& r, const Ring& ring) {
   if (ring.from_m >= 0 && ring.from_m < ring.to_m && ring.to_m <= kMaxHorizon_m) return;
   refuse(profile, r, "has a ring from " + number_text(ring.from_m) + " m to " + number_text(ring.to_m) + " m",
          "0 <= from < to <= 1e6 m");
 }
 
+/// True if all corners lie on one line, as PolygonArea sees them.
+bool is_line(const std::vector<Point>& ring) {
+  struct Offset {
+    Wide x, y;
+  };
+  const auto from_first = [&](const Point& p) {
+    return Offset{Wide{to_micrometres(p.x_m)} - to_micrometres(ring[0].x_m),
+                  Wide{to_micrometres(p.y_m)} - to_micrometres(ring[0].y_m)};
+  };
+  Offset along{0, 0};
+  for (const Point& p : ring) {
+    const Offset o = from_first(p);
+    if (along.x == 0 && along.y == 0) along = o;
+    if (along.x * o.y != along.y * o.x) return false;
+  }
+  return true;
+}
+
 void check_polygon(const Profile& profile, const Requirement& r, const Polygon& polygon, const Frame& frame) {
-  double area = 0;
   try {
     const PolygonArea in_frame(polygon, frame);  // vertices and numbers
   } catch (const Error& error) {
     refuse(profile, r, "has a polygon that cannot be used: " + error.message(), error.hint());
   }
-  for (const auto& ring : polygon.rings) {
-    double twice = 0;
-    for (std::size_t i = 0; i < ring.size(); ++i) {
-      const Point &p = ring[i], &q = ring[(i + 1) % ring.size()], &o = ring[0];
-      twice += (p.x_m - o.x_m) * (q.y_m - o.y_m) - (q.x_m - o.x_m) * (p.y_m - o.y_m);
-    }
-    area += std::fabs(twice) / 2;
-  }
-  if (!(area > 0))
+  if (polygon.rings.empty() || std::ranges::any_of(polygon.rings, is_line)) {
     refuse(profile, r, "has a polygon without area", "give three or more corners not on a line");
+  }
 }
 
 void check_overlaps(const Profile& profile) {
@@ -167,22 +190,15 @@ PatchRange ProfileInFrame::reach(Point vehicle) const {
   return range;
 }
 
-std::optional<int> Profile::required_step(const Frame& frame, PatchIndex patch, std::string_view layer,
-                                          Point vehicle) const {
-  return ProfileInFrame(*this, frame).required_step(patch, layer, vehicle);
-}
-
-PatchRange Profile::reach(const Frame& frame, Point vehicle) const {
-  return ProfileInFrame(*this, frame).reach(vehicle);
-}
-
 void Profile::check(const Frame& frame, const TypeTable& types) const {
   for (const Requirement& r : requirements) {
-    if (!types.find(r.layer)) {
+    const std::optional<TypeId> type = types.find(r.layer);
+    if (!type) {
       refuse(*this, r, "is not one of the map", "its layers are " + names_of(types));
     }
     if (!(r.cell_m > 0) || !std::isfinite(r.cell_m)) refuse(*this, r, "has no cell size above 0", "");
     check_cell(*this, r, frame);
+    check_size(*this, r, frame, types[*type]);
     if (const Ring* const ring = std::get_if<Ring>(&r.area)) {
       check_ring(*this, r, *ring);
     } else {

@@ -18,8 +18,9 @@ class Ageing {
   /// @param per_s  share of the evidence that is left after a second, in (0, 1]
   explicit Ageing(double per_s);
   bool active() const { return most_ticks_ > 0; }
-  /// Number of the tick that holds a time.
-  std::int64_t tick_of(std::int64_t stamp_ns) const { return floor_div(stamp_ns, tick_ns_); }
+  /// Number of the tick that holds a time; 0 when nothing is forgotten. A tick is 1/512 s or longer: numbers
+  /// of ticks and their differences do not overflow, whatever the times are.
+  std::int64_t tick_of(std::int64_t stamp_ns) const { return active() ? floor_div(stamp_ns, tick_ns_) : 0; }
   /// Discounts all cells by the ticks that passed; real channels stay.
   void apply(Layer& layer, const LayerType& type, std::int64_t ticks) const;
 

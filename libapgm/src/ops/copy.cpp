@@ -12,4 +12,8 @@ CopyReport copy(const PatchSource& source, const TypeTable& sink_types, PatchSin
   return {report.patches, report.layers, report.layers_stored};
 }
 
+std::uint64_t least_copy_memory(std::span<const std::uint64_t> layer_bytes) {
+  return ops::job_bytes(layer_bytes, ops::Transfer::kBuffers);
+}
+
 }  // namespace apgm

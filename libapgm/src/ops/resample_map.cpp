@@ -32,7 +32,7 @@ class Resample final : public Stream {
     job.patch = job.info.patch;
     job.layers.clear();
     for (const LayerInfo& layer : job.info.layers) {
-      job.layers.push_back({job.patch, layer.type, layer.step, plan_.wanted(layer), {}});
+      job.layers.push_back({job.patch, layer.type, layer.step, plan_.wanted(layer), {}, false});
     }
     return true;
   }
@@ -40,7 +40,10 @@ class Resample final : public Stream {
   void work(Job& base) const override {
     auto& job = static_cast<ResampleJob&>(base);
     for (std::size_t i = 0; i < job.layers.size(); ++i) {
-      if (job.layers[i].to) bring(job.info.layers[i], job.layers[i], job);
+      if (!job.layers[i].to) continue;
+      const std::size_t before = job.parcels.used().size();
+      bring(job.info.layers[i], job.layers[i], job);
+      job.layers[i].emptied = job.parcels.used().size() == before;
     }
   }
 
@@ -73,6 +76,10 @@ class Resample final : public Stream {
 void Resample::take(const ResampledLayer& layer) {
   ResampleReport::OfType& type = report_.types[layer.type];
   tally(layer.from, layer.to, type);
+  if (layer.emptied) {
+    ++type.layers_emptied;
+    type.cells_after -= std::uint64_t{1} << (2 * *layer.to);
+  }
   type.loss.add(layer.loss);
   if (layer.loss.mean() > type.worst.mean()) {
     type.worst = layer.loss;
@@ -102,6 +109,7 @@ void Resample::consume(Job& base) {
   report_.patches_dropped += !kept;
   report_.layers_stored += job.layers_stored;
   const auto parcels = job.parcels.used();
+  report_.patches_emptied += kept && !plan_.regridded && parcels.empty();
   if (!parcels.empty()) sink_.put(job.patch, parcels);
 }
 

@@ -36,6 +36,9 @@ class Transfer final : public Stream {
   bool reencode = false;
   bool salvage = false;
 
+  /// Of ops::job_bytes.
+  static constexpr std::uint64_t kBuffers = 1;
+
   TransferReport run(const RunOptions& options);
 
   std::unique_ptr<Job> make_job() const override;

@@ -101,7 +101,7 @@ std::size_t distance(std::string_view a, std::string_view b) {
 
 /// A finite number in any form that YAML and JSON share; nullopt otherwise. The same in every locale.
 std::optional<double> parse_number(std::string_view text) {
-  if (text.starts_with('+')) text.remove_prefix(1);
+  if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
   double value = 0;
   const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (code != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) return {};

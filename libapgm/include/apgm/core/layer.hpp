@@ -42,6 +42,8 @@ class Layer {
   std::size_t cells() const { return std::size_t{1} << (2 * step_); }
   /// Bytes of the values: channels * cells * 4.
   std::size_t value_bytes() const { return cells() * static_cast<std::size_t>(channels_) * sizeof(float); }
+  /// Bytes of memory the layer keeps, whatever its shape is now.
+  std::size_t capacity_bytes() const { return capacity_ * sizeof(float); }
 
   std::span<float> plane(int channel) { return {data_.get() + channel * stride(), cells()}; }
   std::span<const float> plane(int channel) const { return {data_.get() + channel * stride(), cells()}; }

@@ -11,7 +11,8 @@ namespace apgm {
 
 /// Patches in a file without a name: a PatchStore that takes any number of them in any order, and a
 /// PatchSource that gives them in key order, as stored bytes too. Memory: the index alone, some 130 bytes a
-/// layer. Space of patches that were replaced or taken is used again once it is more than half of the file.
+/// layer. Space of patches that were replaced or taken is given back once it is more than half of the file:
+/// what is left moves to a new file. If there is no room for that, it happens later; it is no error.
 ///
 /// Guarantees: a Writer of the same level makes the same file from it as from the map itself; all that is
 /// read back is checked against its checksum, Error{kDamaged} if it fails.

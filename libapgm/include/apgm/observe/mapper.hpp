@@ -16,7 +16,9 @@
 namespace apgm {
 
 struct MapperOptions {
-  Rule rule = Rule::kDempster;  ///< between the map and a measurement
+  /// Between the map and a measurement. Real channels have no conflict to settle: kDempster and kYager take
+  /// the mean of the two for them, so that each new measurement has half the weight of a cell.
+  Rule rule = Rule::kDempster;
   /// Cell size where no profile is set.
   double cell_m = 0.1;
   /// Share of a cell's evidence that is left after a second (paper, discounting m^alpha): m <- alpha^t m, in
@@ -25,12 +27,17 @@ struct MapperOptions {
   /// 2^-24 becomes 0; a layer without any data left is dropped. Real channels do not age.
   double ageing_per_s = 1.0;
   /// After each fusion m(Omega) of an observed cell is at least this (less 1e-6), masses keep their ratio; in
-  /// [0, 1). Without it float32 rounds m(Omega) to 0 after some thirty agreeing scans, and no later scan can
-  /// change the cell.
+  /// [0, 0.5]. Without it float32 rounds m(Omega) to 0 after some thirty agreeing scans, and no later scan
+  /// can change the cell.
   double min_unknown = 0.02;
-  /// Values of layers kept in memory after a call, bytes; beyond it the least recently observed patches go to
-  /// the store, until an eighth is free. 0: no bound. Needs a store. Where a profile holds, it is the bound:
-  /// what is required stays in memory. Besides, up to 32 MiB of memory of layers that left are used again.
+  /// Most values of layers in memory, bytes; 0: no bound. Needs a store. Beyond it the least recently
+  /// observed patches go to the store, until an eighth is free; during a call the patch in hand may come on
+  /// top. What a profile requires must fit: the call that finds it does not throws Error{kLimit}, see
+  /// `Mapper`.
+  ///
+  /// Besides: one measurement may fill as much again, 64 MiB at least (4 GiB without a bound), of which a
+  /// quarter of the bound, at most 64 MiB, is kept from call to call; up to 32 MiB of memory of layers that
+  /// left are used again; up to 128 MiB serve to resample and discount.
   std::uint64_t max_memory_bytes = 0;
 };
 
@@ -61,7 +68,10 @@ struct MapperReport {
 /// next call of move_to or add on. Layers without data do not exist.
 ///
 /// Guarantees: same map for the same calls on every machine; memory and store together hold the same layers
-/// whatever `max_memory_bytes` is. If a store fails (Error{kOutput}), what it should have taken stays in
+/// whatever `max_memory_bytes` is, unless it is too small for a call, which throws Error{kLimit}: where a
+/// measurement fills more than it may, nothing of it is fused; where a profile requires more, what came
+/// before stays done, and each further call throws until the profile, or where the vehicle is, requires less.
+/// No layer is lost by an error: if a store fails (Error{kOutput}), what it should have taken stays in
 /// memory. One thread.
 class Mapper {
  public:
@@ -82,7 +92,8 @@ class Mapper {
 
   /// The vehicle is at `vehicle` at `stamp_ns`: ages the map, drops and resamples layers. A stamp before the
   /// last one is taken as the last one.
-  /// @throws Error{kInvalidArgument|kLimit} on a position that is not finite or outside all patches
+  /// @throws Error{kInvalidArgument|kLimit} on a position that is not finite or outside all patches; {kLimit}
+  ///         if what the profile requires exceeds max_memory_bytes
   MapperReport move_to(Point vehicle, std::int64_t stamp_ns);
 
   /// Observes and fuses one measurement; ages to its stamp. With a profile, call move_to first: what lies
@@ -94,7 +105,8 @@ class Mapper {
   /// Fuses layers made elsewhere (a sensor module): types are matched by name, unknown ones are added; same
   /// frame. They are brought to r_req first; without a profile to the finer of the two.
   /// The time of the measurement is its header's stamp; 0: that of the last call.
-  /// @throws Error{kIncompatible} as fused_types, or if the frames differ; Error as PatchSource::load and
+  /// @throws Error{kInvalidArgument} on alpha, on a profile without a move_to: before anything happens;
+  ///         {kIncompatible} as fused_types, or if the frames differ; Error as PatchSource::load and
   ///         canonicalise: patches before that one are fused then
   MapperReport add(const PatchSource& measurement, float alpha = 1.0f);
 

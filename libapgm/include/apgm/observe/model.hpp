@@ -83,8 +83,11 @@ struct ObservedLayer {
 /// bytes on every machine; masses valid and below 1 (at most 1 - 2^-24: no beam is certain).
 class Observer {
  public:
+  static constexpr std::uint64_t kMaxBytes = std::uint64_t{4} << 30;
+
+  /// @param max_bytes  of values that one measurement may fill
   /// @throws Error as Models::check
-  Observer(const Frame& frame, Models models);
+  Observer(const Frame& frame, Models models, std::uint64_t max_bytes = kMaxBytes);
   ~Observer();
   Observer(Observer&&) noexcept;
   Observer& operator=(Observer&&) noexcept;
@@ -93,10 +96,12 @@ class Observer {
   /// The occupancy layer of one scan (paper, grid measurement model).
   /// @param step_of  asked once per patch that a beam meets
   /// @throws Error{kInvalidArgument|kLimit} if the origin is not finite or outside all patches, {kLimit} if a
-  ///         step is not in 0..11 or the layers exceed 4 GiB. The observer can be used again
+  ///         step is not in 0..11 or the layers exceed max_bytes. The observer can be used again
   std::span<const ObservedLayer> observe(const RangeScan& scan, const StepOf& step_of);
   /// The semantic layer of one image. Errors as above.
   std::span<const ObservedLayer> observe(const LabelledGround& image, const StepOf& step_of);
+  /// Ends the use of the layers that were handed out, and keeps at most so many bytes of memory for the next.
+  void trim(std::uint64_t most_bytes);
   /// Readings of all calls so far that were not used: not finite; outside the map's limits, beams beyond
   /// 1000 km, unknown labels; pixels beyond the camera's range (as no_return). Patches without a step do not
   /// count.

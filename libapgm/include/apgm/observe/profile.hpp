@@ -31,13 +31,10 @@ struct Profile {
   std::string name;
   std::vector<Requirement> requirements;
 
-  /// As ProfileInFrame, for few questions.
-  std::optional<int> required_step(const Frame& frame, PatchIndex patch, std::string_view layer,
-                                   Point vehicle) const;
-  PatchRange reach(const Frame& frame, Point vehicle) const;
   /// @throws Error{kInvalidArgument} on a layer that is not in `types`, a cell size that is no power-of-two
-  /// part of the edge, a ring that is empty or ends beyond 1e6 m, rings of one layer that overlap (touching
-  /// is fine), a polygon without area
+  /// part of the edge or at which a layer would exceed Layer::kMaxBytes, a ring that is empty or ends beyond
+  /// 1e6 m, rings of one layer that overlap (touching is fine), a polygon without rings or with a ring whose
+  /// corners, in whole micrometres, all lie on one line (that rings cancel out is not looked at)
   void check(const Frame& frame, const TypeTable& types) const;
 };
 

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstdint>
+#include <span>
+
 #include "apgm/core/source.hpp"
 #include "apgm/ops/run.hpp"
 
@@ -16,5 +19,9 @@ struct CopyReport {
 /// @param reencode  decode and encode every layer, also where stored bytes could be passed on
 CopyReport copy(const PatchSource& source, const TypeTable& sink_types, PatchSink& sink, bool reencode,
                 const RunOptions& run = {});
+
+/// The least RunOptions::max_memory_bytes that `copy` takes.
+/// @param layer_bytes  values of the largest layer of each type, bytes
+std::uint64_t least_copy_memory(std::span<const std::uint64_t> layer_bytes);
 
 }  // namespace apgm

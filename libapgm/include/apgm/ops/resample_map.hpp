@@ -58,6 +58,7 @@ struct ResampledLayer {
   int from = 0;
   std::optional<int> to;  ///< nullopt: dropped
   ResampleLoss loss;
+  bool emptied = false;  ///< came out without data
 };
 
 struct ResampleReport {
@@ -68,6 +69,9 @@ struct ResampleReport {
     std::uint64_t layers_dropped = 0;    ///< not wanted by the rule
     std::uint64_t layers_regridded = 0;  ///< of the new grid; the four above are then 0, and a plan
                                          ///< counts those that will come out without data as well
+    /// Of the merged, split and unchanged: came out without data, so that the result does not hold them.
+    /// 0 in a plan, and for regridded maps
+    std::uint64_t layers_emptied = 0;
     std::uint64_t cells_before = 0;
     std::uint64_t cells_after = 0;  ///< in a plan, layers that will come out without data included
     ResampleLoss loss;              ///< zero in a plan, and for regridded maps
@@ -76,7 +80,9 @@ struct ResampleReport {
   };
   std::vector<OfType> types;          ///< by TypeId
   std::uint64_t patches_dropped = 0;  ///< no layer of which is wanted
-  std::uint64_t layers_stored = 0;    ///< passed on as stored bytes; 0 in a plan
+  /// Some layer of which is wanted, but none came out with data; 0 in a plan, and for regridded maps.
+  std::uint64_t patches_emptied = 0;
+  std::uint64_t layers_stored = 0;  ///< passed on as stored bytes; 0 in a plan
 };
 
 /// Brings the layers of a map to other steps, by the policy of their type (paper, Sec. III-B, R(l, r);
