@@ -3,6 +3,8 @@
 //
 // Same bytes on every machine for the same seed, profiles and models.
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -15,8 +17,12 @@
 #include "apgm/core/error.hpp"
 #include "apgm/format/output_file.hpp"
 #include "scene/paper_drive.hpp"
+#include "scene/scene.hpp"
 #include "scene/write_map.hpp"
 #include "support/program.hpp"
+#ifdef APGM_HAS_LAYOUT_TOOLS
+#include "tools/common/layout_output.hpp"
+#endif
 
 namespace {
 
@@ -36,6 +42,9 @@ constexpr const char* kUsage =
     "      --profiles FILE   requirements over time (default: samples/profiles/paper_drive.yaml)\n"
     "      --models FILE     measurement models (default: samples/profiles/models.yaml)\n"
     "      --stats FILE.csv  a line for each step\n"
+    "      --compare F.csv   what the map costs in other layouts, as apgm-compare writes it\n"
+    "      --plot FILE.svg   the same as a picture\n"
+    "      --every S         seconds between such comparisons (default 10)\n"
     "  -o, --output FILE     the live map at the end\n"
     "  -O, --overwrite       replace existing files\n";
 
@@ -43,7 +52,8 @@ struct Options {
   PaperDriveOptions drive;
   std::string profiles = APGM_SAMPLE_PROFILES "/paper_drive.yaml";
   std::string models = APGM_SAMPLE_PROFILES "/models.yaml";
-  std::string stats, output;
+  std::string stats, compare, plot, output;
+  double every_s = 10;
   bool overwrite = false;
 };
 
@@ -67,6 +77,9 @@ Options parse(std::vector<std::string>& args) {
   take("--profiles", [&](const std::string& v) { options.profiles = v; });
   take("--models", [&](const std::string& v) { options.models = v; });
   take("--stats", [&](const std::string& v) { options.stats = v; });
+  take("--compare", [&](const std::string& v) { options.compare = v; });
+  take("--plot", [&](const std::string& v) { options.plot = v; });
+  take("--every", [&](const std::string& v) { options.every_s = number(v, "--every"); });
   take("-o", [&](const std::string& v) { options.output = v; });
   take("--output", [&](const std::string& v) { options.output = v; });
   const bool short_overwrite = take_switch(args, "-O");
@@ -157,6 +170,55 @@ void print(const std::vector<Phase>& phases) {
   std::puts("the paper:   parking 243000 occupancy cells; road 345000 occupancy, 88000 semantic cells");
 }
 
+#ifdef APGM_HAS_LAYOUT_TOOLS
+/// The live map in other layouts, every few seconds.
+class Comparison {
+ public:
+  Comparison(const Options& options, const apgm::Schedule& schedule, const apgm::Frame& frame)
+      : period_(std::max(1L, std::lround(options.every_s * 10))), output_(files(options)) {
+    what_.plans = apgm::tools::usual_plans();
+    what_.finest_cell_m = apgm::tools::finest_cell_m(schedule, frame);
+    what_.reach_m = apgm::tools::farthest_m(schedule).value_or(100);
+    what_.disk = true;
+  }
+
+  void add(const DriveStep& step, const apgm::Map& map) {
+    if (steps_++ % period_ != 0) return;
+    const apgm::tools::LayoutsAt at{step.time_s, step.profile, step.vehicle,
+                                    apgm::tools::compare_layouts(map, step.vehicle, what_)};
+    means_.add(at);
+    output_.add(at);
+  }
+
+  void finish() {
+    output_.finish("simulated drive: bytes by layout");
+    std::printf("\n%s", means_.text().c_str());
+  }
+
+ private:
+  static apgm::tools::LayoutFiles files(const Options& options) {
+    apgm::tools::LayoutFiles files;
+    files.overwrite = options.overwrite;
+    if (!options.compare.empty()) files.csv = options.compare;
+    if (!options.plot.empty()) files.plot = options.plot;
+    return files;
+  }
+
+  long period_, steps_ = 0;
+  apgm::tools::CompareOptions what_;
+  apgm::tools::LayoutOutput output_;
+  apgm::tools::DriveMeans means_;
+};
+#else
+struct Comparison {
+  Comparison(const Options&, const apgm::Schedule&, const apgm::Frame&) {
+    throw UsageError{"this build compares no layouts: it lacks the tools"};
+  }
+  void add(const DriveStep&, const apgm::Map&) {}
+  void finish() {}
+};
+#endif
+
 void drive_map(std::vector<std::string> args) {
   const Options options = parse(args);
   const apgm::Models models = apgm::parse_models(text_of(options.models), options.models);
@@ -167,17 +229,23 @@ void drive_map(std::vector<std::string> args) {
     stats->write(kColumns);
   }
   if (!options.output.empty() && !options.overwrite) check_absent(options.output);
+  std::unique_ptr<Comparison> comparison;
+  if (!options.compare.empty() || !options.plot.empty()) {
+    comparison = std::make_unique<Comparison>(options, schedule, sample_frame());
+  }
   std::vector<Phase> phases;
-  const auto on_step = [&](const DriveStep& step, const apgm::Map&) {
+  const auto on_step = [&](const DriveStep& step, const apgm::Map& map) {
     if (phases.empty() || phases.back().name != step.profile) phases.emplace_back(step);
     phases.back().add(step);
     if (stats) stats->write(line_of(step));
+    if (comparison) comparison->add(step, map);
   };
   const apgm::Map map = run_paper_drive(options.drive, models, schedule, on_step);
   if (stats) stats->flush();
   if (!options.output.empty()) write_map(map, options.output, options.overwrite);
   if (stats) stats->commit();
   print(phases);
+  if (comparison) comparison->finish();
 }
 
 }  // namespace

@@ -1,8 +1,13 @@
 #include <fmt/format.h>
 
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
+
 #include <CLI/App.hpp>
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <limits>
 
@@ -18,6 +23,8 @@
 #include "tools/common/observe_json.hpp"
 #include "tools/common/options.hpp"
 #include "tools/common/report.hpp"
+#include "tools/common/scan_mapping.hpp"
+#include "tools/common/scan_memory.hpp"
 #include "tools/common/scan_stats.hpp"
 #include "tools/common/signals.hpp"
 
@@ -35,18 +42,17 @@ constexpr std::uint64_t kMaxYamlBytes = std::uint64_t{1} << 20;
 /// Values of layers that stay in memory unless --max-memory says otherwise.
 constexpr std::uint64_t kUsualLayerBytes = std::uint64_t{1} << 30;
 /// Part of --max-memory that these may take; the rest is for what a scan touches, its own layers, and spares.
-constexpr std::uint64_t kLayerShare = 4;
+constexpr int kLayerShare = 4;
 
 std::string read_yaml(const std::string& path) { return converters::read_file(path, kMaxYamlBytes); }
 
-std::int64_t stamp_of(const Measurement& m) {
-  return std::visit([](const auto& scan) { return scan.stamp_ns; }, m);
-}
-
-Point position_of(const Measurement& m) {
-  if (const auto* image = std::get_if<LabelledGround>(&m)) return image->origin;
-  if (const auto* cloud = std::get_if<PointCloud>(&m)) return cloud->pose.position();
-  return std::get<LaserScan>(m).pose.position();
+/// Layers come and go all the time; in the heap of glibc small blocks settle in the gaps they leave, and it
+/// grows as if the whole map stayed. Blocks of their own go back to the system.
+void give_layers_blocks_of_their_own() {
+#ifdef __GLIBC__
+  constexpr int kLeastBytes = 1 << 16;
+  ::mallopt(M_MMAP_THRESHOLD, kLeastBytes);
+#endif
 }
 
 double seconds(std::chrono::steady_clock::duration d) { return std::chrono::duration<double>(d).count(); }
@@ -80,7 +86,8 @@ class MapTool final : public Tool {
              "left out, counted and told at the end.",
              "Cells hold masses of occupied and free evidence, fused by Dempster's rule. The same scans and "
              "options give the same bytes, whatever --max-memory says.",
-             "--stats writes a row for each scan and layer: scan (from 0), time_s since the first scan, "
+             "--stats writes a row for each scan and layer: scan (from 0), time_s since the first that is "
+             "mapped, "
              "layer, patches of the whole map in memory, layers and cells and bytes of values of this layer "
              "in memory, cells_fused by this scan, and the time that took: observe_ms (rays and sensor "
              "model) and fuse_ms (with ageing and resampling)."},
@@ -106,8 +113,10 @@ class MapTool final : public Tool {
     add_text(app, kScansGroup, "--to-scan", end_scan_, "N", "leave out scan N and all after it");
     add_text(app, kMapGroup, "--resolution", resolution_, "M",
              "largest side of a cell in metres (default 0.1): --edge / 2^r is taken");
-    add_text(app, kMapGroup, "--profile", profile_, "FILE.yaml",
-             "requirements round the vehicle in place of --resolution, by seconds since the first scan");
+    add_text(
+        app, kMapGroup, "--profile", profile_, "FILE.yaml",
+        "requirements round the vehicle in place of --resolution, by seconds since the first scan that is "
+        "mapped");
     add_text(app, kMapGroup, "--edge", edge_, "M", "side of a patch in metres (default 12.8)");
     add_text(app, kMapGroup, "--datum", datum_, "X,Y",
              "lower-left corner of patch (0, 0) in metres, in whole micrometres (default 0,0)");
@@ -143,13 +152,16 @@ class MapTool final : public Tool {
     }
     output_.check(session, read);
     warn_of_extension(session, output_.path, ".apgm");
-    check_stats(read);
+    if (stats_) check_second_output("--stats", *stats_, output_, read);
     check_models();
     check_resolution(session);
+    check_memory();
   }
 
   void run(Session& session) override {
     const std::unique_ptr<ScanReader> scans = converters::open_scans(request_);
+    check_not_an_input(output_.path, scans->files());
+    if (stats_) check_not_an_input(*stats_, scans->files());
     if (output_.dry_run) {
       session.result()["formats"] = scans->formats();
       return report_dry_run(session, output_);
@@ -159,6 +171,7 @@ class MapTool final : public Tool {
     MapHeader header;
     header.frame = frame_;
     ScratchMap scratch(header, directory_of_scratch(), writing_.level);
+    if (heavy_.max_memory_bytes > 0) give_layers_blocks_of_their_own();
     const Tally tally = map_scans(session, *scans, stats ? &*stats : nullptr, scratch);
     write(session, *scans, tally, stats ? &*stats : nullptr, scratch);
   }
@@ -198,13 +211,6 @@ class MapTool final : public Tool {
     frame_.check();
   }
 
-  void check_stats(const std::vector<std::string>& read) const {
-    if (!stats_) return;
-    if (*stats_ == "-") throw usage_error("--stats is not written to standard output", "name a file");
-    if (same_file(*stats_, output_.path)) throw usage_error("--stats and -o name one file");
-    check_output_path(*stats_, output_.overwrite, read);
-  }
-
   void check_models() {
     if (models_file_) models_ = parse_models(read_yaml(*models_file_), *models_file_);
     if (model_) {
@@ -228,9 +234,10 @@ class MapTool final : public Tool {
       const TypeTable types({models_.occupancy_type(), models_.semantic_type()});
       try {
         for (const Schedule::Entry& entry : schedule_->entries) entry.profile.check(frame_, types);
-      } catch (Error& error) {
-        error.at(*profile_);
-        throw;
+      } catch (const Error& error) {
+        throw Error(error.code(), fmt::format("'{}': {}", *profile_, error.message()))
+            .hint(error.hint())
+            .at(*profile_);
       }
       return;
     }
@@ -241,10 +248,51 @@ class MapTool final : public Tool {
     }
   }
 
+  /// What is known to be too much for --max-memory before a scan is read; the rest shows on the way.
+  void check_memory() const {
+    const std::uint64_t budget = heavy_.max_memory_bytes;
+    if (budget == 0) return;
+    const LayerType type = models_.occupancy_type();
+    std::uint64_t layer_bytes = 0;
+    double required_bytes = 0;
+    if (schedule_) {
+      for (const Schedule::Entry& entry : schedule_->entries) {
+        const RequiredMemory required = required_memory(entry.profile, frame_, type);
+        layer_bytes = std::max(layer_bytes, required.layer_bytes);
+        required_bytes = std::max(required_bytes, required.total_bytes);
+      }
+    } else {
+      layer_bytes = layer_memory(type, frame_.step_for(options_.cell_m));
+    }
+    const std::uint64_t writing = least_copy_memory({&layer_bytes, 1});
+    if (budget < writing) {
+      fail_memory("does not hold what it takes to write one layer", static_cast<double>(writing));
+    }
+    if (static_cast<double>(budget / kLayerShare) < required_bytes) {
+      fail_memory("does not hold the layers that the profile asks for", required_bytes * kLayerShare);
+    }
+  }
+
+  [[noreturn]] static void fail_memory(const std::string& what, double least_bytes) {
+    constexpr double kMebibyte = 1 << 20;
+    throw Error(ErrorCode::kLimit, "--max-memory " + what)
+        .hint(
+            fmt::format("allow at least {:.0f}M, or take larger cells", std::ceil(least_bytes / kMebibyte)));
+  }
+
+  /// Beside the map, unless that is no file.
   std::string directory_of_scratch() const {
-    if (output_.path == "-") return std::filesystem::temp_directory_path().string();
-    const std::filesystem::path parent = std::filesystem::path(output_.path).parent_path();
-    return parent.empty() ? "." : parent.string();
+    namespace fs = std::filesystem;
+    std::error_code error;
+    const fs::file_status target = fs::status(output_.path, error);
+    if (output_.path != "-" && (!fs::exists(target) || fs::is_regular_file(target))) {
+      const fs::path resolved = fs::weakly_canonical(output_.path, error);
+      return (error ? fs::path(output_.path) : resolved).parent_path().string();
+    }
+    const fs::path directory = fs::temp_directory_path(error);
+    if (!error) return directory.string();
+    throw Error(ErrorCode::kOutput, "there is no directory for temporary files: " + error.message())
+        .hint("name one in the environment as TMPDIR");
   }
 
   MapperOptions mapper_options() const {
@@ -288,23 +336,12 @@ class MapTool final : public Tool {
       profile_now_ = &wanted;
       moved = mapper.move_to(position_of(m), stamp_ns);
     }
-    const MapperReport added = add(mapper, m, tally);
+    const MapperReport added = add_measurement(mapper, m, models_.limits, tally.readings, tally.beams);
     for (const MapperReport::OfType& type : added.types) tally.cells_fused += type.cells_fused;
     tally.total_conflicts += added.total_conflicts;
     if (stats != nullptr) {
       stats->add(scan, tally.duration_s(), mapper.map().header().types, moved, added);
     }
-  }
-
-  MapperReport add(Mapper& mapper, const Measurement& m, Tally& tally) const {
-    const auto add_range = [&](const auto& readings) {
-      const RangeScan scan = to_range_scan(readings, models_.limits, tally.readings);
-      tally.beams += scan.beams.size();
-      return mapper.add(scan);
-    };
-    if (const auto* scan = std::get_if<LaserScan>(&m)) return add_range(*scan);
-    if (const auto* cloud = std::get_if<PointCloud>(&m)) return add_range(*cloud);
-    return mapper.add(std::get<LabelledGround>(m));
   }
 
   void write(Session& session, const ScanReader& scans, const Tally& tally, ScanStats* stats,

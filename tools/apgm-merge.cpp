@@ -3,7 +3,6 @@
 #include <CLI/App.hpp>
 #include <algorithm>
 #include <deque>
-#include <filesystem>
 
 #include "apgm/format/reader.hpp"
 #include "apgm/format/writer.hpp"
@@ -73,8 +72,10 @@ class MergeTool final : public Tool {
     heavy_.check();
     output_.check(session, inputs_);
     warn_of_extension(session, output_.path, ".apgm");
-    if (picture_path_) check_picture();
-    if (picture_path_) warn_of_extension(session, *picture_path_, ".png");
+    if (picture_path_) {
+      check_second_output("--conflict-map", *picture_path_, output_, inputs_);
+      warn_of_extension(session, *picture_path_, ".png");
+    }
     warn_of_repetition(session);
   }
 
@@ -156,19 +157,6 @@ class MergeTool final : public Tool {
     if (!options_.regrid) return;
     session.step(fmt::format("the result has patches of {} m and the datum ({}, {}) m",
                              number_text(frame.edge_m()), number_text(datum.x_m), number_text(datum.y_m)));
-  }
-
-  /// Before a byte is read: the picture is no input, not the map, and can be written.
-  void check_picture() const {
-    const std::string& path = *picture_path_;
-    if (path == "-") throw usage_error("--conflict-map takes the name of a file");
-    const auto place = [](const std::string& p) {
-      return std::filesystem::weakly_canonical(std::filesystem::absolute(p));
-    };
-    if (output_.path != "-" && place(path) == place(output_.path)) {
-      throw usage_error(fmt::format("--conflict-map and the output are the same file '{}'", path));
-    }
-    check_output_path(path, output_.overwrite, inputs_);
   }
 
   static void draw(const ConflictPicture& conflicts, const Frame& frame, OutputFile& picture) {

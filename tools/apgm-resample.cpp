@@ -31,6 +31,22 @@ std::vector<std::string> policy_names() {
 
 constexpr std::uint64_t kMaxYamlBytes = std::uint64_t{1} << 20;
 
+/// Takes a map for what can be told of it only.
+class NoMap final : public PatchSink {
+ public:
+  explicit NoMap(const TypeTable& types) : types_(types) {}
+  bool takes_stored() const override { return true; }
+  void pack(Parcel& parcel) const override {
+    if (parcel.state != Parcel::State::kCells) return;
+    if (is_vacuous(parcel.cells, types_[parcel.type])) parcel.state = Parcel::State::kNothing;
+  }
+  void put(PatchIndex /*index*/, std::span<Parcel> /*parcels*/) override {}
+  void finish() override {}
+
+ private:
+  const TypeTable& types_;
+};
+
 /// The requirements of `path`: of the profile called `name`, or of the only one.
 Profile read_profile(const std::string& path, const std::optional<std::string>& name) {
   const Schedule schedule = parse_profiles(converters::read_file(path, kMaxYamlBytes), path);
@@ -113,9 +129,11 @@ class ResampleTool final : public Tool {
         "merge and split by this policy in place of the types' own, and store it: " + join(policy_names()));
     add_list(app, kTargetGroup, "--layer", options_.layers, "NAME",
              "resample only this layer, pass the others as they are (repeatable)");
-    add_text(app, kLossGroup, "--max-loss", max_loss_, "X|none|any",
-             "write nothing and exit with 1 if the mean loss of any layer of a patch exceeds X, 0 to 1; only "
-             "none, the same as 0, also bounds numbers and refuses to leave layers out (default: any)");
+    add_text(
+        app, kLossGroup, "--max-loss", max_loss_, "X|none|any",
+        "write nothing and exit with 1 if the mean loss of any layer of a patch exceeds X, 0 to 1; only "
+        "none, the same as 0, also bounds numbers and refuses to leave layers out; a dry run measures the "
+        "loss, too (default: any)");
     output_.add(app);
     writing_.add(app);
     heavy_.add(app);
@@ -147,14 +165,19 @@ class ResampleTool final : public Tool {
     result["datum_m"] = {header.frame.datum_m().x_m, header.frame.datum_m().y_m};
     note_largest_cell(session, header.frame);
     if (output_.dry_run) {
-      tell(session, header.types, plan.expected(), false);
+      if (bound_) {
+        NoMap sink(header.types);
+        tell(session, header.types, run(session, plan, header.types, sink), true);
+      } else {
+        tell(session, header.types, plan.expected(), false);
+        session.done("the loss was not measured: --max-loss has a dry run measure it");
+      }
+      session.check_cancelled();
       return report_dry_run(session, output_);
     }
     session.check_cancelled();
     Writer writer(output_.path, header, writing_.options(output_));
-    const ResampleReport report =
-        plan.run(writer, session.run_options(heavy_, "resampling"),
-                 [&](const ResampledLayer& layer) { refuse_loss(layer, header.types); });
+    const ResampleReport report = run(session, plan, header.types, writer);
     session.check_cancelled();
     writer.finish();
     tell(session, header.types, report, true);
@@ -164,6 +187,12 @@ class ResampleTool final : public Tool {
   }
 
  private:
+  ResampleReport run(Session& session, const ResamplePlan& plan, const TypeTable& types,
+                     PatchSink& sink) const {
+    return plan.run(sink, session.run_options(heavy_, "resampling"),
+                    [&](const ResampledLayer& layer) { refuse_loss(layer, types); });
+  }
+
   void check_target() {
     const bool regrids = edge_ || datum_;
     std::vector<std::string> ways;
@@ -222,9 +251,9 @@ class ResampleTool final : public Tool {
           .hint(error.hint())
           .at(*profile_path_);
     }
+    profile_in_frame_.emplace(*profile_, header.frame);
     options_.rule = [this, &header](const LayerInfo& layer) -> std::optional<int> {
-      const auto step =
-          profile_->required_step(header.frame, layer.patch, header.types[layer.type].name, at_m_);
+      const auto step = profile_in_frame_->required_step(layer.patch, header.types[layer.type].name, at_m_);
       return step ? std::optional<int>(std::min<int>(*step, layer.step)) : std::nullopt;
     };
     const Json told = profile_json(*profile_), at = {at_m_.x_m, at_m_.y_m};
@@ -276,6 +305,21 @@ class ResampleTool final : public Tool {
     }
     session.result()["types"] = rows;
     session.result()["patches_dropped"] = report.patches_dropped;
+    session.result()["patches_emptied"] = measured ? Json(report.patches_emptied) : Json();
+    warn_of_nothing(session, report);
+  }
+
+  /// An answer that is empty though the map is not is seldom meant.
+  void warn_of_nothing(Session& session, const ResampleReport& report) const {
+    std::uint64_t before = 0, after = 0;
+    for (const ResampleReport::OfType& r : report.types) {
+      before += r.cells_before;
+      after += r.cells_after;
+    }
+    if (before == 0 || after > 0) return;
+    session.warning(profile_ ? fmt::format("the profile requires nothing that the map has round ({}, {}) m",
+                                           number_text(at_m_.x_m), number_text(at_m_.y_m))
+                             : std::string("no layer of the map comes out with data"));
   }
 
   static Json row(const LayerType& type, const ResampleReport::OfType& r, bool measured) {
@@ -287,6 +331,7 @@ class ResampleTool final : public Tool {
         {"layers_unchanged", r.layers_unchanged},
         {"layers_dropped", r.layers_dropped},
         {"layers_regridded", r.layers_regridded},
+        {"layers_emptied", measured && r.layers_regridded == 0 ? Json(r.layers_emptied) : Json()},
         {"cells_before", r.cells_before},
         {"cells_after", r.cells_after},
         {"loss", Json()},
@@ -313,9 +358,12 @@ class ResampleTool final : public Tool {
     part(r.layers_split, "split");
     part(r.layers_unchanged, "unchanged");
     part(r.layers_regridded, "regridded");
-    if (parts.empty() && r.layers_dropped == 0) return;
-    std::string text = fmt::format("{}: {}; {} cells became {}", type.name, join(parts),
-                                   count_text(r.cells_before), count_text(r.cells_after));
+    part(r.layers_dropped, "left out");
+    if (parts.empty()) return;
+    std::string text = fmt::format("{}: {}; ", type.name, join(parts));
+    const std::string before = plural(r.cells_before, "cell", "cells");
+    text += r.cells_after == 0 ? fmt::format("nothing of {} is kept", before)
+                               : fmt::format("{} became {}", before, count_text(r.cells_after));
     if (r.loss.known_cells > 0) {
       text += fmt::format("; {} changed by {:.3g} on average, {:.3g} at most",
                           type.is_evidence() ? "belief" : "values", r.loss.mean(), r.loss.most);
@@ -331,6 +379,12 @@ class ResampleTool final : public Tool {
                                count_text(r.layers_dropped), one ? "layer" : "layers", type.name,
                                one ? "is" : "are"));
     }
+    if (r.layers_emptied > 0) {
+      const bool one = r.layers_emptied == 1;
+      session.note(fmt::format("{} {} of '{}' {} out without data by policy '{}' and {} not in the result",
+                               count_text(r.layers_emptied), one ? "layer" : "layers", type.name,
+                               one ? "comes" : "come", to_string(type.policy), one ? "is" : "are"));
+    }
     if (r.loss.obstacles > 0) {
       const bool one = r.loss.obstacles == 1;
       session.warning(
@@ -344,6 +398,7 @@ class ResampleTool final : public Tool {
   std::optional<std::string> resolution_, step_, edge_, datum_, policy_, max_loss_;
   std::optional<std::string> profile_path_, profile_name_, at_;
   std::optional<Profile> profile_;
+  std::optional<ProfileInFrame> profile_in_frame_;
   Point at_m_;
   std::optional<double> bound_;  ///< of the mean loss of a layer; empty: none
   ResampleOptions options_;

@@ -315,7 +315,8 @@ void export_raster(const PatchSource& source, const WriteRequest& request, const
   std::optional<OutputFile> legend;
   if (tags.classes) legend.emplace(legend_file_of(request.path), request.output);
   const TileGrid grid = TileGrid::of(source, *type, tags.step, request.run);
-  TiffFile file(request.path, layout_of(grid, tags, settings), tags.frame, request.run.findings);
+  TiffFile file(request.path, layout_of(grid, tags, settings), tags.frame, request.run.findings,
+                request.run.max_memory_bytes);
   Painter painter(tags.type, tags.classes, tags.class_mass);
   TileWriter tiles(source, *type, grid, painter, file, tags.classes, request.run);
   tiles.write_all();

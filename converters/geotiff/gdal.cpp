@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <mutex>
+#include <set>
 
 #include "converters/common/settings.hpp"
 
@@ -16,6 +17,28 @@ namespace {
 void CPL_STDCALL collect(CPLErr severity, CPLErrorNum /*number*/, const char* text) {
   if (severity < CE_Failure) return;
   static_cast<GdalErrors*>(CPLGetErrorHandlerUserData())->add(text);
+}
+
+constexpr std::int64_t kMostCacheBytes = std::int64_t{64} << 20;
+constexpr std::int64_t kLeastCacheBytes = std::int64_t{256} << 10;
+
+/// The bounds of all files that are open.
+struct CacheShares {
+  std::mutex mutex;
+  std::multiset<std::int64_t> bounds;
+
+  void apply() const { GDALSetCacheMax64(bounds.empty() ? kMostCacheBytes : *bounds.begin()); }
+};
+
+CacheShares& cache_shares() {
+  static CacheShares shares;
+  return shares;
+}
+
+std::int64_t share_of(std::uint64_t max_memory_bytes) {
+  if (max_memory_bytes == 0) return kMostCacheBytes;
+  const std::uint64_t quarter = std::min<std::uint64_t>(max_memory_bytes / 4, kMostCacheBytes);
+  return std::max(static_cast<std::int64_t>(quarter), kLeastCacheBytes);
 }
 
 }  // namespace
@@ -39,6 +62,21 @@ void CloseDataset::operator()(void* dataset) const {
   GDALClose(dataset);
 }
 
+CacheShare::CacheShare(std::uint64_t max_memory_bytes) : bytes_(share_of(max_memory_bytes)) {
+  register_drivers();
+  CacheShares& shares = cache_shares();
+  const std::scoped_lock lock(shares.mutex);
+  shares.bounds.insert(bytes_);
+  shares.apply();
+}
+
+CacheShare::~CacheShare() {
+  CacheShares& shares = cache_shares();
+  const std::scoped_lock lock(shares.mutex);
+  shares.bounds.erase(shares.bounds.find(bytes_));
+  shares.apply();
+}
+
 void register_drivers() {
   static std::once_flag once;
   std::call_once(once, [] {
@@ -49,8 +87,7 @@ void register_drivers() {
     GDALRegister_EHdr();
     GDALRegister_ENVI();
     // GDAL's own bound is a share of the machine's memory.
-    constexpr GIntBig kCacheBytes = GIntBig{64} << 20;
-    GDALSetCacheMax64(kCacheBytes);
+    GDALSetCacheMax64(kMostCacheBytes);
   });
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -32,6 +33,22 @@ struct CloseDataset {
   void operator()(void* dataset) const;
 };
 using Dataset = std::unique_ptr<void, CloseDataset>;
+
+/// Bounds GDAL's cache of blocks, which is one for the whole process, while a file is read or written: by a
+/// quarter of a budget, and never more than 64 MiB. Of several at a time the least bound holds.
+class CacheShare {
+ public:
+  /// @param max_memory_bytes  the budget; 0: none
+  explicit CacheShare(std::uint64_t max_memory_bytes);
+  ~CacheShare();
+  CacheShare(const CacheShare&) = delete;
+  CacheShare& operator=(const CacheShare&) = delete;
+
+  std::int64_t bytes() const { return bytes_; }
+
+ private:
+  std::int64_t bytes_;
+};
 
 /// Makes the drivers of this converter known to GDAL, and bounds GDAL's cache of blocks; once a process.
 /// No other driver is loaded: some follow names in a file to other files or to the network.

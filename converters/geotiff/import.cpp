@@ -27,7 +27,7 @@ class Import {
   Import(const ReadRequest& request, const SettingsReader& settings)
       : request_(request),
         settings_(settings),
-        raster_(std::make_shared<Raster>(request.path)),
+        raster_(std::make_shared<Raster>(request.path, request.max_memory_bytes)),
         tags_(naming(request.path, [&] { return from_items(raster_->tags()); })) {}
 
   std::unique_ptr<PatchSource> open(const Converter& converter) {

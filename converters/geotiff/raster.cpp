@@ -67,7 +67,8 @@ std::map<std::int64_t, std::string> categories_of(GDALRasterBandH band) {
 
 }  // namespace
 
-Raster::Raster(const std::string& path) : path_(path) {
+Raster::Raster(const std::string& path, std::uint64_t max_memory_bytes)
+    : path_(path), max_memory_bytes_(max_memory_bytes), cache_(max_memory_bytes) {
   check_file(path);
   open();
   const GdalErrors unseen;
@@ -141,6 +142,9 @@ void Raster::take_band(int number) {
                " pixels, more than 256 MiB",
            "gdal_translate -co TILED=YES makes smaller ones");
   }
+  check_block(number, bytes * block_x * block_y);
+  pixel_bytes_ += bytes;
+  block_rows_ = std::max<std::int64_t>(block_rows_, block_y);
   RasterBand band;
   band.description = text_of(GDALGetDescription(handle));
   band.integer = GDALDataTypeIsInteger(type) != 0;
@@ -153,6 +157,35 @@ void Raster::take_band(int number) {
   if (std::isfinite(offset)) band.offset = offset;
   if (band.integer) band.categories = categories_of(handle);
   bands_.push_back(std::move(band));
+}
+
+void Raster::check_block(int number, std::int64_t bytes) const {
+  if (max_memory_bytes_ == 0) return;
+  const char* interleave = GDALGetMetadataItem(dataset_.get(), "INTERLEAVE", "IMAGE_STRUCTURE");
+  const int bands = GDALGetRasterCount(dataset_.get());
+  // One block of all bands is decoded as a whole where their pixels lie together.
+  const int together = text_of(interleave) == "PIXEL" ? bands : 1;
+  constexpr std::uint64_t kCopies = 3;  // as stored, decoded, in the cache
+  const std::uint64_t need =
+      kCopies * static_cast<std::uint64_t>(bytes) * static_cast<std::uint64_t>(together);
+  if (need <= max_memory_bytes_) return;
+  constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
+  throw Error(ErrorCode::kLimit, "a block of band " + std::to_string(number) + " of '" + path_ + "' takes " +
+                                     std::to_string((need + kMiB - 1) / kMiB) +
+                                     " MiB to decode, more than memory is given")
+      .hint("raise --max-memory; gdal_translate -co TILED=YES makes smaller blocks")
+      .at(path_);
+}
+
+std::int64_t Raster::rows_at_a_time(std::int64_t columns, std::size_t bands, double share) const {
+  constexpr std::int64_t kMostRows = 256;
+  if (max_memory_bytes_ == 0) return kMostRows;
+  const double bytes = share * static_cast<double>(max_memory_bytes_);
+  const double row = static_cast<double>(columns) * static_cast<double>(bands * sizeof(double));
+  // Fewer than a block has would decode each block several times.
+  const std::int64_t cached = std::max(block_rows_, cache_.bytes() / (width_ * pixel_bytes_));
+  const double rows = std::min(bytes / std::max(row, 1.0), static_cast<double>(std::min(cached, kMostRows)));
+  return std::max<std::int64_t>(static_cast<std::int64_t>(rows), 1);
 }
 
 std::int64_t Raster::first_row(const Window& window) const {
@@ -191,6 +224,7 @@ void Raster::read(int band, const Window& window, std::span<double> out) const {
       throw Error(ErrorCode::kDamaged, "band " + std::to_string(band + 1) + " of '" + path_ +
                                            "' cannot be decoded near " + place(window.x, window.y) +
                                            (errors.failed() ? ": " + errors.text() : std::string()))
+          .hint("the file is damaged or was cut short; 'gdalinfo -checksum' shows what can be read")
           .at(path_);
     }
   }

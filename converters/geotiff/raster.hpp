@@ -38,7 +38,10 @@ class Raster {
   /// @throws Error{kUnreadable} if the file cannot be opened, {kForeign} if it is no such raster, {kLimit} on
   ///         sizes beyond 2^31 pixels a side, 2^34 values or blocks of 256 MiB, {kUnsupported} on complex or
   ///         64-bit integer values, a turned raster or one without coordinates
-  explicit Raster(const std::string& path);
+  /// @param max_memory_bytes  bound of GDAL's cache and of the pixels read at a time; {kLimit} where blocks
+  /// do
+  ///         not fit. 0: 64 MiB of cache
+  explicit Raster(const std::string& path, std::uint64_t max_memory_bytes = 0);
 
   const std::string& path() const { return path_; }
   std::int64_t width() const { return width_; }
@@ -52,6 +55,10 @@ class Raster {
   /// South-west corner.
   Point corner_m() const { return corner_m_; }
 
+  /// Rows of a window of that many columns and bands that fit `share` of the budget and that GDAL's cache
+  /// holds over the raster's whole width: from 1 to 256.
+  std::int64_t rows_at_a_time(std::int64_t columns, std::size_t bands, double share) const;
+
   /// True if the file holds no pixel of the window in any band, and says that this means no data.
   bool is_absent(const Window& window) const;
   /// Values of a band (from 0), the southern row first; NaN where there is no data; scaled.
@@ -64,12 +71,18 @@ class Raster {
   void open();
   void take_geometry();
   void take_band(int number);
+  /// @throws Error{kLimit} if blocks of so many bytes do not fit the budget
+  void check_block(int number, std::int64_t bytes) const;
   std::int64_t first_row(const Window& window) const;
 
   std::string path_;
+  std::uint64_t max_memory_bytes_;
+  CacheShare cache_;
   mutable std::mutex mutex_;
   Dataset dataset_;
   std::int64_t width_ = 0, height_ = 0;
+  std::int64_t pixel_bytes_ = 0;  // over all bands, in the cache
+  std::int64_t block_rows_ = 1;   // of the highest blocks
   std::vector<RasterBand> bands_;
   RasterCrs crs_;
   std::map<std::string, std::string> tags_;

@@ -56,11 +56,14 @@ RasterSource::RasterSource(RasterPlan plan) : plan_(std::move(plan)) {
 void RasterSource::scan() {
   const std::int64_t width = plan_.raster->width(), height = plan_.raster->height();
   PatchMarks marks({plan_.fit.cell_at(0, 0).patch, plan_.fit.cell_at(width - 1, height - 1).patch});
-  constexpr std::int64_t kRows = 256, kColumns = 2048;
+  constexpr std::int64_t kColumns = 2048;
+  constexpr double kShare = 1.0 / 8;  // of the budget
+  const std::int64_t most_rows =
+      plan_.raster->rows_at_a_time(std::min(kColumns, width), plan_.rule->bands().size(), kShare);
   Pixels pixels(plan_);
   // From the top, in whole rows of blocks, as the file most likely lies.
-  for (std::int64_t top = 0; top < height; top += kRows) {
-    const std::int64_t rows = std::min(kRows, height - top), y0 = height - top - rows;
+  for (std::int64_t top = 0; top < height; top += most_rows) {
+    const std::int64_t rows = std::min(most_rows, height - top), y0 = height - top - rows;
     for (std::int64_t x0 = 0; x0 < width; x0 += kColumns) {
       const Window window{x0, y0, std::min(kColumns, width - x0), rows};
       if (plan_.raster->is_absent(window)) continue;
@@ -100,12 +103,16 @@ void RasterSource::load(const LayerInfo& info, Layer& out) const {
   const Window window{left, low, std::min(x0 + side, plan_.raster->width()) - left,
                       std::min(y0 + side, plan_.raster->height()) - low};
   if (window.width <= 0 || window.height <= 0 || plan_.raster->is_absent(window)) return;
+  constexpr double kShare = 1.0 / 64;  // of the budget; many threads load at a time
+  const std::int64_t most_rows =
+      plan_.raster->rows_at_a_time(window.width, plan_.rule->bands().size(), kShare);
   Pixels pixels(plan_);
-  pixels.read(window);
   RasterTally counted_before;
   for (std::int64_t y = 0; y < window.height; ++y) {
+    const std::int64_t row = y % most_rows;
+    if (row == 0) pixels.read({left, low + y, window.width, std::min(most_rows, window.height - y)});
     for (std::int64_t x = 0; x < window.width; ++x) {
-      const auto* cell = pixels.cell(x, y, counted_before);
+      const auto* cell = pixels.cell(x, row, counted_before);
       if (cell == nullptr) continue;
       const auto at = static_cast<std::size_t>((low + y - y0) * side + left + x - x0);
       for (std::size_t c = 0; c < cell->size(); ++c) out.plane(static_cast<int>(c))[at] = (*cell)[c];

@@ -86,9 +86,8 @@ TiffFile::Unnamed::Unnamed(const std::string& beside) {
 TiffFile::Unnamed::~Unnamed() { ::close(fd); }
 
 TiffFile::TiffFile(const std::string& beside, const TiffLayout& layout, const Frame& frame,
-                   const Findings& findings)
-    : beside_(beside), file_(beside) {
-  register_drivers();
+                   const Findings& findings, std::uint64_t max_memory_bytes)
+    : beside_(beside), cache_(max_memory_bytes), file_(beside) {
   const GdalErrors errors;
   const NoSideFiles no_side_files;
   TextList options = options_of(layout);

@@ -38,7 +38,9 @@ class TiffFile {
  public:
   /// @param beside  the file without a name lies in this path's directory
   /// @throws Error{kOutput} if it cannot be made, {kUnsupported} if GDAL lacks the compression
-  TiffFile(const std::string& beside, const TiffLayout& layout, const Frame& frame, const Findings& findings);
+  /// @param max_memory_bytes  bounds GDAL's cache; 0: 64 MiB
+  TiffFile(const std::string& beside, const TiffLayout& layout, const Frame& frame, const Findings& findings,
+           std::uint64_t max_memory_bytes = 0);
   ~TiffFile();
   TiffFile(const TiffFile&) = delete;
   TiffFile& operator=(const TiffFile&) = delete;
@@ -60,6 +62,7 @@ class TiffFile {
   [[noreturn]] void fail(const GdalErrors& errors) const;
 
   std::string beside_;
+  CacheShare cache_;
   Unnamed file_;
   Dataset dataset_;  // closed before its file
 };

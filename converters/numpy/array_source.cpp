@@ -11,11 +11,12 @@ namespace {
 
 constexpr float kMassSlack = 1e-6f;  // as canonicalise
 
-[[noreturn]] void fail(const CellArray& array, std::size_t channel, std::int64_t cell,
-                       const std::string& why) {
+[[noreturn]] void fail(const CellArray& array, std::size_t channel, std::int64_t cell, const std::string& why,
+                       const char* hint) {
   throw Error(ErrorCode::kDamaged, "array '" + printable(array.meta.array) + "' at [" +
                                        std::to_string(channel) + ", " + std::to_string(cell / array.columns) +
-                                       ", " + std::to_string(cell % array.columns) + "]: " + why);
+                                       ", " + std::to_string(cell % array.columns) + "]: " + why)
+      .hint(hint);
 }
 
 std::string shown(float v) { return std::isnan(v) ? "nan" : format_number(static_cast<double>(v)); }
@@ -29,13 +30,20 @@ bool is_known(const CellArray& array, std::int64_t cell) {
   for (std::size_t c = 0; c < type.channels.size(); ++c) {
     const float v = array.values[c * plane + static_cast<std::size_t>(cell)];
     const float background = type.background(static_cast<int>(c));
-    if (type.is_evidence() && !(v >= 0 && v <= 1)) fail(array, c, cell, shown(v) + " is no mass");
-    if (std::isinf(v)) fail(array, c, cell, "an infinite value");
+    if (type.is_evidence() && !(v >= 0 && v <= 1)) {
+      fail(array, c, cell, shown(v) + " is no mass",
+           "masses lie in 0..1, and all are 0 where nothing is known (m(Omega) is 1)");
+    }
+    if (std::isinf(v)) {
+      fail(array, c, cell, "an infinite value", "values are finite, or NaN where nothing is known");
+    }
     known = known || (std::isnan(background) ? !std::isnan(v) : v != background);
     sum += v;
   }
   if (type.is_evidence() && (sum > 1 + kMassSlack || (type.stores_omega() && sum < 1 - kMassSlack))) {
-    fail(array, 0, cell, "the masses sum to " + shown(sum));
+    fail(array, 0, cell, "the masses sum to " + shown(sum),
+         type.stores_omega() ? "the masses of a cell sum to 1, m(Omega) included"
+                             : "the masses of a cell sum to 1 at most; the rest is m(Omega)");
   }
   return known;
 }
@@ -43,7 +51,8 @@ bool is_known(const CellArray& array, std::int64_t cell) {
 std::int64_t patch_of(std::int64_t cell, int step) {
   const std::int64_t patch = cell >> step;
   if (patch < std::numeric_limits<std::int32_t>::min() || patch > std::numeric_limits<std::int32_t>::max()) {
-    throw Error(ErrorCode::kLimit, "an array lies outside all patch indices");
+    throw Error(ErrorCode::kLimit, "an array lies outside all patch indices")
+        .hint("'first_cell' counts cells of the array's step from the datum");
   }
   return patch;
 }
@@ -89,7 +98,8 @@ ArraySource::ArraySource(MapHeader header, std::vector<CellArray> arrays) {
       throw Error(ErrorCode::kDamaged, "arrays '" + printable(parts_[j].cells.meta.array) + "' and '" +
                                            printable(parts_[i].cells.meta.array) + "' both hold patch (" +
                                            std::to_string(both[0].x) + "," + std::to_string(both[0].y) +
-                                           ") of layer '" + parts_[i].cells.meta.type.name + "'");
+                                           ") of layer '" + parts_[i].cells.meta.type.name + "'")
+          .hint("each patch of a layer stands in one array: cut them along the patches");
     }
   }
   std::ranges::sort(all);

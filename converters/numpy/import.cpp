@@ -12,14 +12,26 @@
 namespace apgm::converters {
 namespace {
 
-constexpr std::uint64_t kMostArrayBytes = std::uint64_t{1} << 34;
 constexpr const char* kMetaEntry = "meta.json";
+
+/// What the arrays of a file may take in memory where no budget says it. A small archive may unpack to a
+/// thousand times its size: 1 GiB, or 8 times the file, and 16 GiB at most.
+std::uint64_t usual_bound(const std::string& path) {
+  constexpr std::uint64_t kLeast = std::uint64_t{1} << 30, kMost = std::uint64_t{1} << 34, kGrowth = 8;
+  std::error_code error;
+  const std::uint64_t bytes = std::filesystem::file_size(path, error);
+  return error ? kLeast : std::clamp(std::min(bytes, kMost) * kGrowth, kLeast, kMost);
+}
+
+std::string counted(std::uint64_t n, const char* one, const char* many) {
+  return std::to_string(n) + " " + (n == 1 ? one : many);
+}
 
 /// Reads arrays one after the other within what memory is given.
 class ArrayReader {
  public:
   explicit ArrayReader(const ReadRequest& request)
-      : left_(request.max_memory_bytes == 0 ? kMostArrayBytes : request.max_memory_bytes) {}
+      : left_(request.max_memory_bytes == 0 ? usual_bound(request.path) : request.max_memory_bytes) {}
 
   /// @param read  reads one .npy: (bytes at most, header out, rounded out)
   template <class Read>
@@ -38,7 +50,9 @@ class ArrayReader {
     if (header.shape.size() == 2 && channels == 1) header.shape.insert(header.shape.begin(), 1);
     if (header.shape.size() != 3 || header.shape[0] != channels) {
       throw Error(ErrorCode::kDamaged, "array '" + printable(meta.array) + "' does not have the shape (" +
-                                           std::to_string(channels) + ", rows, columns)");
+                                           std::to_string(channels) + ", rows, columns)")
+          .hint(std::string("its first axis is the 'channels' of the JSON; ") +
+                (channels == 1 ? "one channel may be left out" : "array.reshape and numpy.stack make it so"));
     }
     array.rows = header.shape[1];
     array.columns = header.shape[2];
@@ -90,7 +104,10 @@ Arrays read_single(const ReadRequest& request) {
   Arrays result;
   result.meta = naming(side, [&] { return from_json(read_file(side, kMostMetaBytes)); });
   if (result.meta.arrays.size() != 1) {
-    throw Error(ErrorCode::kDamaged, "'" + side + "' does not tell of one array").at(side);
+    throw Error(ErrorCode::kDamaged, "'" + side + "' tells of " + std::to_string(result.meta.arrays.size()) +
+                                         " arrays, and an .npy holds one")
+        .hint("an .npz holds several, or none")
+        .at(side);
   }
   std::ifstream in(request.path, std::ios::binary);
   if (!in) throw Error(ErrorCode::kUnreadable, "cannot read '" + request.path + "'").at(request.path);
@@ -116,7 +133,8 @@ TypeTable types_of(const std::vector<ArrayMeta>& arrays) {
     if (it == types.end()) {
       types.push_back(array.type);
     } else if (*it != array.type) {
-      throw Error(ErrorCode::kDamaged, "two arrays of layer '" + array.type.name + "' differ in their type");
+      throw Error(ErrorCode::kDamaged, "two arrays of layer '" + array.type.name + "' differ in their type")
+          .hint("arrays of one layer have the same hypotheses, channels, policy and heights");
     }
   }
   return TypeTable(std::move(types));
@@ -142,8 +160,11 @@ std::unique_ptr<PatchSource> import_arrays(const ReadRequest& request, const Set
   auto native = naming(request.path, [&] {
     Arrays read = head == "PK" ? read_npz(request) : read_single(request);
     if (read.rounded > 0 && request.findings) {
-      request.findings(
-          {Finding::Kind::kLoss, std::to_string(read.rounded) + " values are rounded to float32"});
+      request.findings({Finding::Kind::kLoss, counted(read.rounded, "value is rounded to float32",
+                                                      "values are rounded to float32")});
+    }
+    if (read.arrays.empty() && request.findings) {
+      request.findings({Finding::Kind::kNote, "the JSON names no layers: the map is empty"});
     }
     MapHeader header;
     header.frame = read.meta.frame;

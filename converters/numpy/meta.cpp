@@ -13,9 +13,10 @@ namespace {
 using Json = nlohmann::json;
 constexpr const char* kFormat = "apgm.numpy/1";
 
-[[noreturn]] void fail(const std::string& key, const std::string& why) {
-  throw Error(ErrorCode::kDamaged, "its JSON: '" + key + "' " + why)
-      .hint("docs/converters.md says what stands beside the arrays");
+constexpr const char* kSeeDocs = "docs/converters.md says what stands beside the arrays";
+
+[[noreturn]] void fail(const std::string& key, const std::string& why, const char* hint = kSeeDocs) {
+  throw Error(ErrorCode::kDamaged, "its JSON: '" + key + "' " + why).hint(hint);
 }
 
 const Json& need(const Json& object, const std::string& key) {
@@ -67,8 +68,21 @@ void valid(Check check) {
   try {
     check();
   } catch (const Error& error) {
-    throw Error(ErrorCode::kDamaged, "its JSON: " + error.message()).hint(error.hint());
+    throw Error(ErrorCode::kDamaged, "its JSON: " + error.message())
+        .hint(error.hint().empty() ? kSeeDocs : error.hint());
   }
+}
+
+/// Missing or null: unknown.
+std::optional<std::int32_t> epsg_of(const Json& object) {
+  const auto it = object.find("epsg");
+  if (it == object.end() || it->is_null()) return {};
+  constexpr std::int64_t kMostCode = 999'999;
+  if (!it->is_number_integer() || *it < 1 || *it > kMostCode) {
+    fail("epsg", "is no whole number in 1.." + std::to_string(kMostCode) + " and not null",
+         "null, or no 'epsg', stands for coordinates without an EPSG code");
+  }
+  return it->get<std::int32_t>();
 }
 
 Frame frame_of(const Json& object) {
@@ -77,8 +91,7 @@ Frame frame_of(const Json& object) {
   frame.frame_id = text(object, "frame_id");
   frame.edge_um = whole(object, "edge_um", 0, std::int64_t{1} << 62);
   std::tie(frame.datum_x_um, frame.datum_y_um) = pair_of(object, "datum_um", std::int64_t{1} << 62);
-  if (!need(object, "epsg").is_null())
-    frame.epsg = static_cast<std::int32_t>(whole(object, "epsg", 1, 999'999));
+  frame.epsg = epsg_of(object);
   return frame;
 }
 
@@ -142,12 +155,12 @@ std::string to_json(const NumpyMeta& meta) {
 NumpyMeta from_json(const std::string& text_of_file) {
   const Json object = Json::parse(text_of_file, nullptr, false);
   if (!object.is_object() || !object.contains("format")) {
-    throw Error(ErrorCode::kForeign, "its JSON is not that of a map")
-        .hint("docs/converters.md says what stands beside the arrays");
+    throw Error(ErrorCode::kForeign, "its JSON is not that of a map").hint(kSeeDocs);
   }
   if (text(object, "format") != kFormat) {
     throw Error(ErrorCode::kUnsupported, "its JSON has format '" + printable(text(object, "format")) +
-                                             "', this reader knows '" + kFormat + "'");
+                                             "', this reader knows '" + kFormat + "'")
+        .hint(kSeeDocs);
   }
   NumpyMeta meta;
   meta.frame = frame_of(need(object, "frame"));
@@ -157,7 +170,7 @@ NumpyMeta from_json(const std::string& text_of_file) {
   const Json& arrays = need(object, "layers");
   if (!arrays.is_array()) fail("layers", "is no list of objects");
   if (arrays.size() > TypeTable::kMaxTypes) {
-    throw Error(ErrorCode::kLimit, "its JSON names more than 4096 arrays");
+    throw Error(ErrorCode::kLimit, "its JSON names more than 4096 arrays").hint("write several files");
   }
   for (const Json& array : arrays) meta.arrays.push_back(array_of(array));
   return meta;

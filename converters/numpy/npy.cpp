@@ -17,9 +17,11 @@ static_assert(std::endian::native == std::endian::little, "values are little-end
 
 constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr std::size_t kMostHeaderBytes = 65536;
+constexpr const char* kSaveWrites =
+    "numpy.save(path, array) writes such files: float32, (channels, rows, columns)";
 constexpr std::int64_t kMostValues = std::int64_t{1} << 40;
 
-[[noreturn]] void fail(ErrorCode code, const std::string& why, const char* hint = "") {
+[[noreturn]] void fail(ErrorCode code, const std::string& why, const char* hint = kSaveWrites) {
   throw Error(code, why).hint(hint);
 }
 
@@ -173,7 +175,7 @@ std::vector<float> read_npy(const std::function<std::size_t(std::span<std::byte>
   const auto count = static_cast<std::uint64_t>(header.values());
   if (count > max_bytes / sizeof(float)) {
     fail(ErrorCode::kLimit, "its array has " + std::to_string(count) + " values, more than memory is given",
-         "raise --max-memory if it is set; else cut the array");
+         "raise --max-memory (without it: 1 GiB, or 8 times the file), or cut the array");
   }
   std::vector<float> values;
   std::vector<char> chunk(std::size_t{1} << 18);

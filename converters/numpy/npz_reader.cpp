@@ -38,7 +38,8 @@ class NpzReader::Entry {
 
  private:
   [[noreturn]] void fail(const char* why) const {
-    throw Error(ErrorCode::kDamaged, "entry '" + printable(name_) + "' cannot be read: " + printable(why));
+    throw Error(ErrorCode::kDamaged, "entry '" + printable(name_) + "' cannot be read: " + printable(why))
+        .hint("the archive is damaged or names an entry it does not hold; 'unzip -t' lists its entries");
   }
 
   std::string name_;
@@ -48,7 +49,9 @@ class NpzReader::Entry {
 NpzReader::NpzReader(const std::string& path) : path_(path), state_(std::make_unique<State>()) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(path, ignored)) {
-    throw Error(ErrorCode::kUnreadable, "cannot read '" + path + "': no such file").at(path);
+    throw Error(ErrorCode::kUnreadable, "cannot read '" + path + "': no such file")
+        .hint("check the name and the directory")
+        .at(path);
   }
   int error = 0;
   state_->archive = zip_open(path.c_str(), ZIP_RDONLY, &error);
@@ -57,7 +60,9 @@ NpzReader::NpzReader(const std::string& path) : path_(path), state_(std::make_un
   zip_error_init_with_code(&described, error);
   const std::string why = printable(zip_error_strerror(&described));
   zip_error_fini(&described);
-  throw Error(ErrorCode::kDamaged, "'" + path + "' is no archive that can be read: " + why).at(path);
+  throw Error(ErrorCode::kDamaged, "'" + path + "' is no archive that can be read: " + why)
+      .hint("the file is damaged or was cut short; numpy.savez writes such archives")
+      .at(path);
 }
 
 NpzReader::~NpzReader() = default;
@@ -73,7 +78,8 @@ std::string NpzReader::text(const std::string& name, std::uint64_t max_bytes) co
   for (std::size_t got = 0; (got = entry.read(chunk)) > 0;) {
     if (text.size() + got > max_bytes) {
       throw Error(ErrorCode::kLimit,
-                  "entry '" + printable(name) + "' has more than " + std::to_string(max_bytes) + " bytes");
+                  "entry '" + printable(name) + "' has more than " + std::to_string(max_bytes) + " bytes")
+          .hint("it holds frame and layers only; docs/converters.md says which keys");
     }
     text.append(reinterpret_cast<const char*>(chunk.data()), got);
   }

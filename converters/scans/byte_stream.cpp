@@ -35,7 +35,8 @@ bool starts_packed(std::string_view head) {
 
 struct ByteStream::Packed {
   bz_stream stream{};
-  bool open = false;  // between the begin and the end of one of the streams
+  bool open = false;   // between the begin and the end of one of the streams
+  bool ended = false;  // what follows the last one is none
 
   ~Packed() { close(); }
   void begin() {
@@ -98,14 +99,28 @@ void ByteStream::fail_packed(const std::string& what) const {
       .at(path_, at);
 }
 
+bool ByteStream::stream_follows() {
+  constexpr std::string_view kMagic = "BZh";
+  if (raw_to_ - raw_from_ < kMagic.size()) {
+    const auto at = [this](std::size_t i) { return raw_.begin() + static_cast<std::ptrdiff_t>(i); };
+    std::copy(at(raw_from_), at(raw_to_), raw_.begin());
+    raw_to_ -= raw_from_;
+    raw_from_ = 0;
+    while (raw_to_ < kMagic.size() && read_raw()) continue;
+  }
+  return std::string_view(raw_.data() + raw_from_, raw_to_ - raw_from_).starts_with(kMagic);
+}
+
 std::size_t ByteStream::unpack(char* out, std::size_t n) {
   bz_stream& stream = packed_->stream;
   std::size_t made = 0;
   while (made == 0) {
-    const bool more = raw_from_ < raw_to_ || read_raw();
-    if (!more && !packed_->open) return 0;
-    if (!more) fail_packed("ends early");
-    if (!packed_->open) packed_->begin();
+    if (!packed_->open) {
+      packed_->ended = packed_->ended || !stream_follows();
+      if (packed_->ended) return 0;
+      packed_->begin();
+    }
+    if (raw_from_ == raw_to_ && !read_raw()) fail_packed("ends early");
     stream.next_in = raw_.data() + raw_from_;
     stream.avail_in = static_cast<unsigned>(raw_to_ - raw_from_);
     stream.next_out = out;

@@ -41,6 +41,8 @@ class ByteStream {
   /// Takes more of the file into raw_; false at its end.
   bool read_raw();
   std::size_t copy_raw(char* out, std::size_t n);
+  /// True if another bzip2 stream comes next: anything else behind one is passed over, as bzcat does.
+  bool stream_follows();
   std::size_t unpack(char* out, std::size_t n);
   [[noreturn]] void fail_packed(const std::string& what) const;
 

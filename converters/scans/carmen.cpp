@@ -102,8 +102,9 @@ bool CarmenLog::next(Measurement& out) {
     LaserScan& scan = as<LaserScan>(out);
     scan.source = kSensors[known->sensor];
     if (!(known->kind == Kind::kLaser ? read_laser(scan) : read_robot_laser(scan))) continue;
-    if (times_[known->sensor].accepts(scan.stamp_ns)) return true;
-    fault(Fault::kTimeBack);
+    const std::optional<Fault> out_of_order = times_[known->sensor].fault_of(scan.stamp_ns);
+    if (!out_of_order) return true;
+    fault(*out_of_order);
   }
 }
 
@@ -164,7 +165,7 @@ bool CarmenLog::read_robot_laser(LaserScan& scan) {
 bool CarmenLog::take_readings(std::size_t from, std::size_t count, LaserScan& scan) {
   scan.ranges_m.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
-    const auto value = number_in<float>(words_[from + i]);
+    const auto value = float_in(words_[from + i]);
     if (!value) return fault(Fault::kBadNumber);
     scan.ranges_m[i] = *value;
   }

@@ -127,7 +127,7 @@ void read_csv_cloud(CloudFile& file) {
       continue;
     }
     std::array<std::optional<float>, 3> p;
-    for (std::size_t axis = 0; axis < 3; ++axis) p[axis] = number_in<float>(words[columns->at[axis]]);
+    for (std::size_t axis = 0; axis < 3; ++axis) p[axis] = float_in(words[columns->at[axis]]);
     if (!p[0] || !p[1] || !p[2]) {
       fault(Fault::kBadNumber);
       continue;

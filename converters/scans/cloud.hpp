@@ -27,8 +27,9 @@ bool pose_from(const std::array<double, 9>& rotation, std::array<double, 3> posi
 struct CloudFile {
   ByteStream& bytes;
   ScanFaults& faults;
-  PointCloud& cloud;         ///< its points are replaced
-  std::optional<Pose> pose;  ///< set if the file itself holds one
+  PointCloud& cloud;              ///< its points are replaced
+  std::optional<Pose> pose = {};  ///< set if the file itself holds one
+  bool bad_pose = false;          ///< the file holds one, but an impossible one
 };
 
 /// PCD: ascii, binary and binary_compressed; fields x, y, z of 4 or 8 byte floats, others are passed over.

@@ -15,8 +15,8 @@ bool CloudRecording::next(Measurement& out) {
     if (placed.lost) continue;
     PointCloud& cloud = as<PointCloud>(out);
     cloud.stamp_ns = placed.stamp_ns.value_or(static_cast<std::int64_t>(number) * kScanInterval_ns);
-    if (!times_.accepts(cloud.stamp_ns)) {
-      faults_.add(Fault::kTimeBack, [&] { return placed.path; });
+    if (const std::optional<Fault> out_of_order = times_.fault_of(cloud.stamp_ns)) {
+      faults_.add(*out_of_order, [&] { return placed.path; });
     } else if (read(placed, cloud)) {
       return true;
     }
@@ -27,7 +27,7 @@ bool CloudRecording::next(Measurement& out) {
 /// A cloud that is damaged costs no more than itself.
 bool CloudRecording::read(const PlacedCloud& placed, PointCloud& cloud) {
   ByteStream bytes(placed.path, cancel_);
-  CloudFile file{bytes, faults_, cloud, {}};
+  CloudFile file{bytes, faults_, cloud};
   std::string why = "it holds no point";
   try {
     if (placed.format == Format::kPcd) read_pcd(file);
@@ -42,6 +42,10 @@ bool CloudRecording::read(const PlacedCloud& placed, PointCloud& cloud) {
   if (cloud.xyz_m.empty()) {
     faults_.add(Fault::kBadCloud,
                 [&] { return why.find(placed.path) == why.npos ? "'" + placed.path + "': " + why : why; });
+    return false;
+  }
+  if (!placed.pose && file.bad_pose) {
+    faults_.add(Fault::kBadPose, [&] { return placed.path; });
     return false;
   }
   cloud.pose = placed.pose.value_or(file.pose.value_or(Pose{}));

@@ -1,5 +1,7 @@
 #include "converters/scans/faults.hpp"
 
+#include <algorithm>
+
 namespace apgm::converters {
 namespace {
 
@@ -16,6 +18,8 @@ constexpr std::array<Words, kFaultKinds> kWords{{
     {"bad_numbers", "line holds no number where one belongs", "lines hold no number where one belongs"},
     {"bad_poses", "scan has an impossible pose", "scans have impossible poses"},
     {"times_back", "scan has a time before the last one", "scans have times before the last one"},
+    {"times_ahead", "scan has a time more than a day after the last one",
+     "scans have times more than a day after the last one"},
     {"long_lines", "line is too long", "lines are too long"},
     {"unknown_lines", "line is of no known kind", "lines are of no known kind"},
     {"no_poses", "cloud has no pose in the pose file", "clouds have no pose in the pose file"},
@@ -40,11 +44,20 @@ std::vector<ScanFault> ScanFaults::list() const {
   return faults;
 }
 
-bool TimeGuard::accepts(std::int64_t stamp_ns) {
-  if (stamp_ns < last_ns_ && ++refused_ <= kClockSetBack) return false;
+std::optional<Fault> TimeGuard::fault_of(std::int64_t stamp_ns) {
+  if (last_ns_ && stamp_ns < *last_ns_) {
+    if (++refused_ <= kClockSetBack) return Fault::kTimeBack;
+  } else if (last_ns_ && stamp_ns - *last_ns_ > gap_ns_) {
+    if (!ahead_ns_ || stamp_ns < *ahead_ns_) {
+      ahead_ns_ = stamp_ns;
+      return Fault::kTimeAhead;
+    }
+    gap_ns_ = std::max(gap_ns_, stamp_ns - *ahead_ns_);  // a recording of rare scans
+  }
   refused_ = 0;
+  ahead_ns_.reset();
   last_ns_ = stamp_ns;
-  return true;
+  return {};
 }
 
 }  // namespace apgm::converters

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,7 @@ enum class Fault : std::uint8_t {
   kBadNumber,    ///< text or an impossible value where a number belongs
   kBadPose,      ///< a pose that is not finite, no rotation, or far beyond the earth
   kTimeBack,     ///< a stamp before that of the last scan
+  kTimeAhead,    ///< a stamp far beyond that of the last scan, which the next scan does not bear out
   kLongLine,     ///< a line longer than LineReader takes
   kUnknownLine,  ///< a line of no known kind
   kNoPose,       ///< a cloud the pose file does not know
@@ -23,7 +25,7 @@ enum class Fault : std::uint8_t {
   kCutCloud,     ///< a cloud that ends early; what there is counts
   kNoScan,       ///< a file without any measurement
 };
-inline constexpr std::size_t kFaultKinds = 11;
+inline constexpr std::size_t kFaultKinds = 12;
 
 /// Counts what is left out.
 class ScanFaults {
@@ -44,14 +46,19 @@ class ScanFaults {
   std::array<Entry, kFaultKinds> entries_;
 };
 
-/// Tells stamps that go back. After many in a row the clock is taken to have been set back for good.
+/// Tells the scans of one sensor whose stamps are out of order: those that go back, and the first of a jump
+/// ahead by more than a day. The clock is taken to have been set for good once 20 in a row went back, or once
+/// a second scan follows one that jumped ahead. Stamps within +-4.6e18.
 class TimeGuard {
  public:
-  bool accepts(std::int64_t stamp_ns);
+  /// The fault of the next scan; nullopt: it counts.
+  std::optional<Fault> fault_of(std::int64_t stamp_ns);
 
  private:
-  std::int64_t last_ns_ = INT64_MIN;
-  int refused_ = 0;
+  std::int64_t gap_ns_ = 86'400'000'000'000;  // the longest between scans that is believed at once
+  std::optional<std::int64_t> last_ns_;       // that counted
+  std::optional<std::int64_t> ahead_ns_;      // that jumped ahead since
+  int refused_ = 0;                           // since, for going back
 };
 
 }  // namespace apgm::converters

@@ -21,13 +21,15 @@ constexpr std::array<ScanFormat, 6> kFormats{
      {"kitti", "clouds of float32 x, y, z, intensity (.bin)"},
      {"pcd", "Point Cloud Library clouds: ascii, binary, binary_compressed (.pcd)"}}};
 
-/// Without ".bz2", which says nothing of the format.
-std::string extension_within(std::string path) {
-  if (extension_of(path) == ".bz2") path.resize(path.size() - 4);
-  return extension_of(path);
-}
+std::string extension_within(const std::string& path) { return extension_of(unpacked_name(path)); }
 
 }  // namespace
+
+std::string unpacked_name(std::string path) {
+  constexpr std::string_view kPacked = ".bz2";
+  if (extension_of(path) == kPacked) path.resize(path.size() - kPacked.size());
+  return path;
+}
 
 std::span<const ScanFormat> scan_formats() { return kFormats; }
 

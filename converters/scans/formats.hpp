@@ -18,6 +18,8 @@ inline constexpr std::size_t kHeadBytes = 4096;
 
 /// By the first bytes (unpacked), else by the extension. @throws Error{kForeign}
 Format format_of(const std::string& path, std::string_view head);
+/// A path without ".bz2", which says nothing of what is packed.
+std::string unpacked_name(std::string path);
 /// A file of a directory that holds a cloud, by its extension.
 bool is_cloud_name(const std::string& path);
 /// @throws Error{kInvalidArgument}

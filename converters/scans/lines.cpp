@@ -2,8 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace apgm::converters {
+namespace {
+
+/// Fewer places before the point than a number has that is too large for float32.
+constexpr std::size_t kFloatPlaces = 30;
+
+}  // namespace
 
 LineReader::Got LineReader::next(std::string_view& line) {
   finish();
@@ -51,8 +58,23 @@ void split_words(std::string_view line, bool commas, std::vector<std::string_vie
   }
 }
 
+std::optional<float> float_in(std::string_view text) {
+  const std::string_view digits = number_text(text);
+  const char* const stop = digits.data() + digits.size();
+  float value = 0;
+  const auto [end, error] = std::from_chars(digits.data(), stop, value);
+  if (end != stop || error == std::errc::invalid_argument) return {};
+  if (error != std::errc::result_out_of_range) return value;
+  // The sign of the exponent tells too large from too small; without one the places before the point do.
+  const std::size_t exponent = digits.find_first_of("eE");
+  const bool small = exponent != digits.npos ? digits.substr(exponent + 1).starts_with('-')
+                                             : digits.substr(0, digits.find('.')).size() <= kFloatPlaces;
+  const float size = small ? 0.0f : std::numeric_limits<float>::infinity();
+  return digits.starts_with('-') ? -size : size;
+}
+
 std::optional<std::int64_t> nanoseconds(double seconds) {
-  constexpr double kMostSeconds = 9e9;
+  constexpr double kMostSeconds = 4.6e9;
   if (!(std::fabs(seconds) <= kMostSeconds)) return {};
   return std::llround(seconds * 1e9);
 }

@@ -40,17 +40,26 @@ class LineReader {
 /// Words of a line between blanks, commas too if `commas`; `words` is used again.
 void split_words(std::string_view line, bool commas, std::vector<std::string_view>& words);
 
+/// Without a plus in front, which std::from_chars does not take; "+-3" stays as it is, and is no number.
+inline std::string_view number_text(std::string_view text) {
+  return text.starts_with('+') && !text.starts_with("+-") ? text.substr(1) : text;
+}
+
 /// The whole text as a number, whatever the locale; "nan" and "inf" are numbers.
 template <class Number>
 std::optional<Number> number_in(std::string_view text) {
-  if (text.starts_with('+')) text.remove_prefix(1);
+  text = number_text(text);
   Number value{};
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || end != text.data() + text.size()) return {};
   return value;
 }
 
-/// Nanoseconds of a time in seconds; nullopt if not finite or outside int64.
+/// As number_in, but infinite where the number is too large for float32, and 0 where it is too small.
+std::optional<float> float_in(std::string_view text);
+
+/// Nanoseconds of a time in seconds; nullopt if not finite or beyond 4.6e9 s, so that the difference of any
+/// two fits int64.
 std::optional<std::int64_t> nanoseconds(double seconds);
 
 }  // namespace apgm::converters

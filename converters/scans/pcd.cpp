@@ -32,6 +32,7 @@ struct PcdHeader {
   std::uint64_t columns = 0;
   std::uint64_t points = 0;
   std::optional<Pose> pose;
+  bool bad_pose = false;
   Data data = Data::kAscii;
 };
 
@@ -113,8 +114,8 @@ class HeaderParser {
       v[i] = *value;
     }
     Pose pose;
-    if (!pose_from({v[0], v[1], v[2]}, v[3], v[4], v[5], v[6], pose)) fail("VIEWPOINT is no pose");
-    header_.pose = pose;
+    header_.bad_pose = !pose_from({v[0], v[1], v[2]}, v[3], v[4], v[5], v[6], pose);
+    if (!header_.bad_pose) header_.pose = pose;
   }
 
   bool take_data() {
@@ -187,7 +188,7 @@ void read_ascii(CloudFile& file, LineReader& lines, const PcdHeader& header) {
     std::array<float, 3> p{};
     bool numbers = true;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      const auto value = number_in<float>(words[header.xyz[axis].column]);
+      const auto value = float_in(words[header.xyz[axis].column]);
       numbers = numbers && value.has_value();
       p[axis] = value.value_or(0);
     }
@@ -259,6 +260,7 @@ void read_pcd(CloudFile& file) {
   const PcdHeader header = HeaderParser(lines, file.bytes.path()).parse();
   lines.finish();
   file.pose = header.pose;
+  file.bad_pose = header.bad_pose;
   file.cloud.xyz_m.clear();
   switch (header.data) {
     case Data::kAscii:

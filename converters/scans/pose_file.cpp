@@ -73,8 +73,11 @@ std::optional<Kind> kind_of(const std::vector<std::string_view>& words) {
       .at(path);
 }
 
-std::string stem_of(const std::string& path) { return std::filesystem::path(path).stem().string(); }
-std::string name_of(const std::string& path) { return std::filesystem::path(path).filename().string(); }
+/// Of the cloud, whether it is packed or not.
+std::string name_of(const std::string& path) {
+  return std::filesystem::path(unpacked_name(path)).filename().string();
+}
+std::string stem_of(const std::string& path) { return std::filesystem::path(name_of(path)).stem().string(); }
 
 /// Rows for clouds, by one way of finding them; a cloud without a row gets nullptr.
 using Rows = std::vector<const Row*>;

@@ -81,6 +81,7 @@ class Plan {
   std::set<Format> formats;
   std::uint64_t total_bytes = 0;  // 0: not known
   std::vector<std::string> names;
+  std::vector<std::string> files;  // names, and the clouds that lists name
 
  private:
   void add(const std::string& path) {
@@ -98,6 +99,7 @@ class Plan {
     const Format format = format_ ? *format_ : format_of(path, bytes->peek(kHeadBytes));
     if (of_directory && !is_cloud(format)) return;
     names.push_back(path);
+    files.push_back(path);
     formats.insert(format);
     unknown_size_ = unknown_size_ || path == "-";
     total_bytes = unknown_size_ ? 0 : total_bytes + bytes->bytes_total();
@@ -125,6 +127,7 @@ class Plan {
     for (const PoseFile::Row& row : list.rows) {
       if (!row.pose) continue;
       const std::string cloud = (fs::path(path).parent_path() / row.name).string();
+      files.push_back(cloud);
       ByteStream bytes(cloud);
       const Format format = format_of(cloud, bytes.peek(kHeadBytes));
       if (!is_cloud(format)) {
@@ -176,6 +179,7 @@ class Recordings final : public ScanReader {
     parts_ = std::move(plan.parts);
     total_bytes_ = plan.total_bytes;
     names_ = std::move(plan.names);
+    files_ = std::move(plan.files);
     for (const Format format : plan.formats) {
       formats_.emplace_back(scan_formats()[static_cast<std::size_t>(format)].name);
     }
@@ -200,6 +204,7 @@ class Recordings final : public ScanReader {
   }
   std::vector<ScanFault> faults() const override { return faults_.list(); }
   std::vector<std::string> formats() const override { return formats_; }
+  std::vector<std::string> files() const override { return files_; }
 
  private:
   /// @return false at the end
@@ -237,7 +242,7 @@ class Recordings final : public ScanReader {
   const std::atomic<bool>* cancel_;
   ScanFaults faults_;
   std::vector<Part> parts_;
-  std::vector<std::string> names_, formats_;
+  std::vector<std::string> names_, formats_, files_;
   std::size_t at_ = 0;
   std::unique_ptr<Recording> recording_;
   bool found_ = false, any_ = false;

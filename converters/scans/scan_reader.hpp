@@ -47,7 +47,7 @@ class ScanReader {
  public:
   virtual ~ScanReader() = default;
   /// The next measurement in `out`, whose memory is used again; false at the end. Within a recording and a
-  /// sensor stamps never go back.
+  /// sensor stamps do not go back, unless the clock was set back for good (docs/scans.md, times_back).
   /// @throws Error{kUnreadable|kDamaged|kLimit} that names the file and the line or byte; {kDamaged} at the
   ///         end if there was no measurement at all
   virtual bool next(Measurement& out) = 0;
@@ -58,6 +58,8 @@ class ScanReader {
   virtual std::vector<ScanFault> faults() const = 0;
   /// Names of the formats met, sorted.
   virtual std::vector<std::string> formats() const = 0;
+  /// All files that are read, those of directories and lists too; none of them may be an output.
+  virtual std::vector<std::string> files() const = 0;
 };
 
 /// Looks at the head of every file, and reads the poses.

@@ -44,6 +44,9 @@ std::vector<ToolFlags> all_tools() {
            std::vector<std::string>{"--poses", "--from", "--from-scan", "--to-scan", "--resolution",
                                     "--profile", "--edge", "--datum", "--frame-id", "--epsg", "--ageing",
                                     "--min-unknown", "--model", "--models", "--heights", "--stats"}},
+      {"compare", kAll + std::vector<std::string>{"--at", "--layout", "--reach", "--cost", "--profile",
+                                                  "--every", "--poses", "--models", "--heights", "--edge",
+                                                  "--motion", "--csv", "--plot", "-O, --overwrite"}},
       {"render", kAll + kWriter + kHeavy + std::vector<std::string>{"--layer", "--scale", "--colormap"}},
   };
 }
@@ -164,7 +167,7 @@ class EveryReaderTest : public CliTest, public testing::WithParamInterface<std::
  protected:
   Outcome read(const std::string& input, const std::vector<std::string>& more = {}) const {
     std::vector<std::string> arguments{input};
-    if (GetParam() != "info") arguments.insert(arguments.end(), {"-o", output()});
+    if (GetParam() != "info" && GetParam() != "compare") arguments.insert(arguments.end(), {"-o", output()});
     if (GetParam() == "crop") arguments.insert(arguments.end(), {"--bbox", "0,0,5,5"});
     if (GetParam() == "resample") arguments.insert(arguments.end(), {"--step", "2"});
     arguments.insert(arguments.end(), more.begin(), more.end());
@@ -229,7 +232,7 @@ TEST_P(EveryFilterTest, UnknownLayerIsNamedWithTheKnown) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Tools, EveryReaderTest,
-                         testing::Values("info", "convert", "merge", "crop", "resample", "render"),
+                         testing::Values("info", "convert", "merge", "crop", "resample", "compare", "render"),
                          [](const auto& verb) { return verb.param; });
 INSTANTIATE_TEST_SUITE_P(Tools, EveryFilterTest,
                          testing::Values("info", "convert", "crop", "resample", "render"),

@@ -1,4 +1,5 @@
 #include <signal.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cmath>
@@ -171,12 +172,35 @@ TEST_F(MapCliTest, OutputRules) {
   EXPECT_EQ(bytes("run.apgm"), "old");
   expect_failure(map({"run.log", "-O", "-o", "run.log"}), 2, "is the input 'run.log'");
   expect_failure(map({"run.log", "-O", "--stats", "run.log", "-o", "b.apgm"}), 2, "is the input 'run.log'");
-  expect_failure(map({"run.log", "--stats", "b.apgm", "-o", "b.apgm"}), 2, "--stats and -o name one file");
+  expect_failure(map({"run.log", "--stats", "b.apgm", "-o", "b.apgm"}), 2, "are the same file");
   expect_failure(map({"run.log", "--stats", "-", "-o", "b.apgm"}), 2,
                  "--stats is not written to standard output");
   expect_failure(map({"run.log"}), 2, "no output is given");
   expect_silent(map({"run.log", "-n", "-o", "b.apgm"}));
   EXPECT_FALSE(exists("b.apgm"));
+}
+
+TEST_F(MapCliTest, NothingThatIsReadIsAnOutput) {
+  put("one.csv", "x,y,z\n1,0,0\n2,1,0\n");
+  put("list.csv",
+      "reading, gT00, gT01, gT02, gT03, gT10, gT11, gT12, gT13, gT20, gT21, gT22, gT23, gT30, gT31, gT32, "
+      "gT33\n"
+      "one.csv, 1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1\n");
+  const std::string cloud = bytes("one.csv");
+  for (const auto& outputs :
+       {std::vector<std::string>{"-o", "one.csv"}, {"-o", "a.apgm", "--stats", "one.csv"}}) {
+    std::vector<std::string> arguments{"list.csv", "--from", "cloud_list", "-O"};
+    arguments.insert(arguments.end(), outputs.begin(), outputs.end());
+    expect_failure(map(arguments), 2, "'one.csv' is the input");
+    EXPECT_EQ(bytes("one.csv"), cloud);
+  }
+  put("run.log", log(3));
+  for (const std::string& stats : std::vector<std::string>{
+           "a.apgm", "./a.apgm",
+           "../" + std::filesystem::path(path("")).parent_path().filename().string() + "/a.apgm"}) {
+    expect_failure(map({"run.log", "-o", "a.apgm", "--stats", stats}), 2, "are the same file");
+    EXPECT_FALSE(exists("a.apgm"));
+  }
 }
 
 TEST_F(MapCliTest, ArgumentsAreCheckedBeforeAScanIsRead) {
@@ -204,6 +228,62 @@ TEST_F(MapCliTest, ArgumentsAreCheckedBeforeAScanIsRead) {
   EXPECT_TRUE(files().empty());
 }
 
+TEST_F(MapCliTest, OutputsThatAreNoFilesOfADirectory) {
+  put("run.log", log(5));
+  expect_silent(map({"run.log", "-o", "a.apgm"}));
+  expect_silent(map({"run.log", "-o", "/dev/null"}));
+  std::filesystem::create_directory(directory_ / "far");
+  put("far/b.apgm", "old");
+  std::filesystem::create_symlink("far/b.apgm", directory_ / "link.apgm");
+  expect_silent(map({"run.log", "-O", "-o", "link.apgm"}));
+  EXPECT_EQ(bytes("link.apgm"), bytes("a.apgm"));
+  const std::string pipe = path("pipe");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  Launch launch;
+  launch.directory = directory_.path();
+  Process reader({"/bin/cat", pipe}, launch);
+  expect_silent(map({"run.log", "-o", "pipe"}));
+  EXPECT_EQ(reader.wait().out, bytes("a.apgm"));
+}
+
+TEST_F(MapCliTest, BudgetsThatCannotDoAreToldBeforeAScanIsRead) {
+  const std::vector<std::string> fine{"gone.log", "--resolution", "0.00625", "-o", "a.apgm", "--max-memory"};
+  const auto with = [](std::vector<std::string> arguments, const std::string& more) {
+    arguments.push_back(more);
+    return arguments;
+  };
+  // 32 MiB a layer, and four more of them at work.
+  expect_failure(map(with(fine, "64M")), 6, "--max-memory does not hold what it takes to write one layer",
+                 "at least 161M");
+  expect_failure(map(with(fine, "161M")), 4, "cannot open 'gone.log'");
+  put("p.yaml", "requirements: [{layer: occupancy, horizon_m: 100, cell_m: 0.1}]");
+  const std::vector<std::string> profile{"gone.log", "--profile", "p.yaml", "-o", "a.apgm", "--max-memory"};
+  expect_failure(map(with(profile, "64M")), 6, "does not hold the layers that the profile asks for",
+                 "at least 96M");
+  expect_failure(map(with(profile, "96M")), 4, "cannot open 'gone.log'");
+}
+
+TEST_F(MapCliTest, MemoryDoesNotGrowWithTheMap) {
+#if defined(__SANITIZE_ADDRESS__)
+  GTEST_SKIP() << "the sanitizer keeps freed memory";
+#endif
+  const auto peak_mib = [&](int scans) {
+    put("run.log", log(scans, 2));
+    const Outcome outcome =
+        map({"-O", "-v", "-j2", "--resolution", "0.05", "--max-memory", "16M", "run.log", "-o", "a.apgm"});
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    const std::string label = "peak memory ";
+    return std::stod(outcome.err.substr(outcome.err.find(label) + label.size()));
+  };
+  const double small = peak_mib(100);
+  EXPECT_GT(small, 1);
+  const double large = peak_mib(1100);
+  const double map_mib = info("a.apgm")["map"]["patches"].get<double>() / 2;
+  EXPECT_GT(map_mib, 10 * 16);
+  EXPECT_LT(large, small + 4);
+  EXPECT_LT(large, map_mib / 2);
+}
+
 class MapYamlTest : public MapCliTest {
  protected:
   /// The failure of a YAML file, although the log does not even exist.
@@ -218,7 +298,7 @@ class MapYamlTest : public MapCliTest {
 
 TEST_F(MapYamlTest, ProfilesAreCheckedBeforeAnyWork) {
   expect_refused("--profile", "requirements: [{layer: ocupancy, horizon_m: 20, cell_m: 0.1}]", "ocupancy");
-  expect_refused("--profile", "requirements: [{layer: occupancy, horizon_m: 20, cell_m: 0.3}]", "0.3");
+  expect_refused("--profile", "requirements: [{layer: occupancy, horizon_m: 20, cell_m: 0.3}]", "'a.yaml': ");
   expect_refused(
       "--profile",
       "requirements: [{layer: occupancy, bands: [{from_m: 0, to_m: 20, cell_m: 0.1}, {from_m: 10, to_m: "
@@ -260,6 +340,20 @@ TEST_F(MapYamlTest, ProfilesChangeWithTime) {
   const Json step = info("run.apgm", {"--history"})["history"][0]["parameters"];
   EXPECT_EQ(step["profiles"][1]["name"], "fast");
   EXPECT_EQ(step["profiles"][1]["requirements"][0]["ring_m"], Json({0, 20}));
+}
+
+TEST_F(MapYamlTest, TimeBeginsWithTheFirstScanThatIsMapped) {
+  put("run.log", log(40));
+  put("p.yaml",
+      "profiles:\n"
+      "  - {name: slow, requirements: [{layer: occupancy, horizon_m: 20, cell_m: 0.1}]}\n"
+      "  - {name: fast, from_s: 2, requirements: [{layer: occupancy, horizon_m: 20, cell_m: 0.2}]}\n");
+  expect_silent(
+      map({"run.log", "--from-scan", "15", "--profile", "p.yaml", "--stats", "s.csv", "-o", "a.apgm"}));
+  const std::vector<std::string> rows = lines("s.csv");
+  ASSERT_EQ(rows.size(), 26u);
+  EXPECT_EQ(rows[1].substr(0, 9), "15,0.000,");
+  EXPECT_EQ(rows[21].substr(0, 9), "35,2.000,");
 }
 
 TEST_F(MapYamlTest, PatchesThatLeaveAProfileReachTheFile) {

@@ -100,6 +100,34 @@ TEST_F(ResampleCliTest, TellsWhatWasLost) {
               HasSubstr("note: occupancy: 1 layer merged; 4 cells became 1; belief changed by "));
 }
 
+TEST_F(ResampleCliTest, EmptiedLayersAreCountedAndNoted) {
+  Map map = plain_map(0, 0);
+  map.layer({0, 0}, 0, 1).at(1, {0, 0}) = 0.9f;
+  map.layer({1, 0}, 0, 1).at(0, {0, 0}) = 0.9f;
+  write("a.apgm", map);
+  const std::vector<std::string> arguments{"--step", "0", "--policy", "min"};
+  const Outcome outcome = resample(arguments);
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_THAT(outcome.err, HasSubstr("note: 1 layer of 'occupancy' comes out without data by policy 'min'"));
+  const Json document = result({"-O", "--step", "0", "--policy", "min"});
+  EXPECT_EQ(document["patches_emptied"], 1);
+  EXPECT_EQ(document["patches_dropped"], 0);
+  EXPECT_EQ(document["patches"], 1);
+  EXPECT_EQ(type(document, "occupancy")["layers_emptied"], 1);
+  EXPECT_EQ(type(document, "occupancy")["cells_after"], 1);
+}
+
+TEST_F(ResampleCliTest, TheMapsOwnGridPassesLayersAsStored) {
+  write_random("a.apgm", 3);
+  const Json before = info("a.apgm")["map"];
+  const std::string edge = before["edge_m"].dump();
+  const std::string datum = before["datum_m"][0].dump() + "," + before["datum_m"][1].dump();
+  const Json document = result({"--edge", edge, "--datum", datum});
+  EXPECT_EQ(document["content_id"], before["content_id"]);
+  EXPECT_EQ(document["layers_stored"], document["layers"]);
+  EXPECT_GT(document["layers"], 0);
+}
+
 TEST_F(ResampleCliTest, LostObstaclesAreWarnedOf) {
   write("a.apgm", obstacle());
   const Outcome outcome = resample({"--step", "0", "--policy", "dempster"});
@@ -150,6 +178,17 @@ TEST_F(ResampleCliTest, DryRunTellsThePlan) {
   EXPECT_EQ(type(document, "occupancy")["cells_after"], 64);
   EXPECT_TRUE(type(document, "occupancy")["loss"].is_null());
   EXPECT_FALSE(exists("out.apgm"));
+}
+
+TEST_F(ResampleCliTest, DryRunWithMaxLossMeasures) {
+  write("a.apgm", obstacle());
+  expect_failure(resample({"-n", "--step", "0", "--max-loss", "none"}), 1,
+                 "layer 'occupancy' of patch (0,0) would lose 0.6");
+  const Json document = result({"-n", "--step", "0", "--max-loss", "0.7"});
+  EXPECT_EQ(document["dry_run"], true);
+  EXPECT_EQ(type(document, "occupancy")["loss"]["known_cells"], 4);
+  EXPECT_FALSE(exists("out.apgm"));
+  EXPECT_THAT(resample({"-n", "-v", "--step", "0"}).err, HasSubstr("the loss was not measured"));
 }
 
 TEST_F(ResampleCliTest, MaxLossKeepsTheOldOutput) {
@@ -244,6 +283,11 @@ requirements:
   EXPECT_EQ(parameters["profile"]["requirements"][1]["ring_m"], Json({5, 14}));
   expect_failure(resample({"-O", "--profile", "near.yaml", "--at", "6.4,6.4", "--max-loss", "none"}), 1,
                  "patch (");
+  const Outcome far = resample({"-O", "-v", "--profile", "near.yaml", "--at", "1e7,0"});
+  EXPECT_EQ(far.code, 0);
+  EXPECT_THAT(far.err,
+              HasSubstr("warning: the profile requires nothing that the map has round (1e+07, 0) m"));
+  EXPECT_THAT(far.err, HasSubstr("occupancy: 16 layers left out; nothing of 1 024 cells is kept"));
 }
 
 TEST_F(ResampleCliTest, OneOfSeveralProfiles) {

@@ -255,6 +255,24 @@ TEST_F(GeoTiffBadInput, MetadataThatDoesNotFit) {
   EXPECT_EQ(source->header().frame.datum_x_um, 500'000'050'000);
 }
 
+TEST_F(GeoTiffBadInput, ABudgetBoundsTheCacheAndRefusesLargeBlocks) {
+  const Map map = test::random_map(5, testing::one_layer(LayerType::occupancy(), 6));
+  testing::write(geotiff(), map, dir_ / "a.tif");
+  constexpr GIntBig kMiB = 1 << 20;
+  const auto within = [&](std::uint64_t budget) { return geotiff().open({dir_ / "a.tif", {}, {}, budget}); };
+  for (const GIntBig budget : {2 * kMiB, 1000 * kMiB}) {
+    const auto source = within(static_cast<std::uint64_t>(budget));
+    EXPECT_EQ(GDALGetCacheMax64(), std::min(budget / 4, 64 * kMiB));
+    const auto another = within(0);
+    EXPECT_EQ(GDALGetCacheMax64(), std::min(budget / 4, 64 * kMiB));
+    EXPECT_EQ(testing::content_id(*source), testing::content_id(map));
+  }
+  EXPECT_EQ(GDALGetCacheMax64(), 64 * kMiB);
+  // Tiles of 128 x 128 floats take 64 KiB, three times.
+  EXPECT_EQ(testing::content_id(*within(192 << 10)), testing::content_id(map));
+  expect(error_of([&] { within(191 << 10); }), ErrorCode::kLimit, "a block of band 1 of", "--max-memory");
+}
+
 TEST_F(GeoTiffBadInput, DamagedFilesFailOrReadButNeverCrash) {
   auto options = testing::one_layer(LayerType::occupancy(), 6);
   options.range = {{0, 0}, {1, 1}};
@@ -281,6 +299,9 @@ TEST_F(GeoTiffBadInput, DamagedFilesFailOrReadButNeverCrash) {
       if (source->summary().patches < 64) collect(*source, false);
     } catch (const Error& error) {
       EXPECT_NE(error.message(), "") << round;
+      if (error.message().find("cannot be decoded") != std::string::npos) {
+        EXPECT_THAT(error.hint(), HasSubstr("damaged"));
+      }
       ++errors;
     }
   }

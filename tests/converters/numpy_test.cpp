@@ -195,7 +195,7 @@ TEST(Numpy, ReadsWhatPythonWrites) {
   if (!text) GTEST_SKIP() << "Python has no NumPy";
   testing::Collected findings;
   const Map map = collect(*open(numpy(), dir / "a.npz", {}, &findings));
-  EXPECT_THAT(findings.losses(), ElementsAre("1 values are rounded to float32"));
+  EXPECT_THAT(findings.losses(), ElementsAre("1 value is rounded to float32"));
   ASSERT_EQ(map.size(), 2u);
   EXPECT_TRUE(std::isnan(map.find({-1, 0}, 0)->at(0, {126, 5})));
   EXPECT_EQ(map.find({-1, 0}, 0)->at(0, {127, 5}), 1.0f);
@@ -221,6 +221,7 @@ class NumpyBadInput : public ::testing::Test {
     EXPECT_EQ(error.code(), code) << error.message();
     EXPECT_THAT(error.message(), HasSubstr(message));
     EXPECT_NE(error.path(), "");
+    EXPECT_NE(error.hint(), "") << error.message();
   }
   std::string dict(const std::string& shape, const std::string& descr = "<f4",
                    const std::string& fortran = "False") const {
@@ -253,7 +254,7 @@ TEST_F(NumpyBadInput, Headers) {
   expect(refused(npy(dict("(1, 1099511627776, 1099511627776)"), four), meta), ErrorCode::kLimit, "2^40");
   expect(refused(npy(dict("(1, 1048576, 1048576)"), four), meta), ErrorCode::kLimit,
          "more than memory is given");
-  expect(refused(npy(dict("(1, 40000, 40000)"), four), meta), ErrorCode::kDamaged, "ends before");
+  expect(refused(npy(dict("(1, 10000, 10000)"), four), meta), ErrorCode::kDamaged, "ends before");
   for (const char* bad : {"{'descr': '<f4'}", "{'descr': '<f4', 'fortran_order': False, 'shape': (1, -2, 2)}",
                           "{", "", "{'descr': '<f4', 'fortran_order': 0, 'shape': (1, 2, 2)}",
                           "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 2, 2), 'x': 1}",
@@ -279,7 +280,11 @@ TEST_F(NumpyBadInput, Json) {
   expect(with("\"step\": 7", "\"step\": 18446744073709551615"), ErrorCode::kDamaged, "'step'");
   expect(with("\"step\": 7", "\"step\": 7.5"), ErrorCode::kDamaged, "'step'");
   expect(with("12800000", "5"), ErrorCode::kDamaged, "its JSON");
-  expect(with("null", "-1"), ErrorCode::kDamaged, "'epsg'");
+  for (const char* code : {"-1", "0", "1000000", "1.5", "18446744073709551615", "true", "\"4326\""}) {
+    const Error error = with("null", code);
+    expect(error, ErrorCode::kDamaged, "'epsg' is no whole number in 1..999999 and not null");
+    EXPECT_THAT(error.hint(), HasSubstr("no 'epsg'"));
+  }
   expect(with("[-2, 5]", "[-2]"), ErrorCode::kDamaged, "'first_cell'");
   expect(with("[-2, 5]", "[9223372036854775807, 5]"), ErrorCode::kDamaged, "'first_cell'");
   expect(with("[-2, 5]", "[8796093022208, 5]"), ErrorCode::kLimit, "outside all patch indices");
@@ -329,6 +334,55 @@ TEST_F(NumpyBadInput, DamagedArchivesFailOrReadButNeverCrash) {
       }
     }
   }
+}
+
+TEST(Numpy, WithoutAnEpsgCodeThereIsNone) {
+  const testing::TempDir dir;
+  LayerType type = LayerType::real("v", {"x"});
+  MapHeader header;
+  header.types = TypeTable({type});
+  Map map(header);
+  map.layer({0, 0}, 0, 2).at(0, {1, 1}) = 5;
+  write(numpy(), map, dir / "a.npy");
+  for (const std::string epsg : {"\"epsg\": null,", "", "\"epsg\": 32632,"}) {
+    std::string text = testing::read_text(dir / "a.json");
+    const std::size_t at = text.find("\"epsg\": null,");
+    ASSERT_NE(at, std::string::npos) << text;
+    std::filesystem::copy_file(dir / "a.npy", dir / "b.npy",
+                               std::filesystem::copy_options::overwrite_existing);
+    testing::write_text(dir / "b.json", text.replace(at, 13, epsg));
+    const auto found = open(numpy(), dir / "b.npy")->header().frame.epsg;
+    EXPECT_EQ(found.value_or(0), epsg.ends_with("32632,") ? 32632 : 0);
+  }
+}
+
+TEST(Numpy, AnArchiveWithoutLayersIsNoted) {
+  MapHeader header;
+  const testing::TempDir dir;
+  write(numpy(), Map(header), dir / "a.npz");
+  testing::Collected findings;
+  EXPECT_EQ(open(numpy(), dir / "a.npz", {}, &findings)->summary().patches, 0u);
+  EXPECT_THAT(findings.of(Finding::Kind::kNote), ElementsAre("the JSON names no layers: the map is empty"));
+}
+
+TEST_F(NumpyBadInput, NoArchiveHasAHint) {
+  testing::write_text(dir_ / "a.npz", "PK, but no archive");
+  expect(error_of([&] { open(numpy(), dir_ / "a.npz"); }), ErrorCode::kDamaged,
+         "no archive that can be read");
+}
+
+TEST_F(NumpyBadInput, ASmallFileIsNotUnpackedWithoutBound) {
+  // 260 patches of 2^10 x 2^10 cells, in two of which something is known: 1040 MiB, a few MiB deflated.
+  MapHeader header;
+  header.types = TypeTable({LayerType::real("v", {"x"}, Policy::kSum)});
+  Map map(header);
+  map.layer({0, 0}, 0, 10).at(0, {1, 1}) = 5;
+  map.layer({259, 0}, 0, 10).at(0, {1, 1}) = 5;
+  write(numpy(), map, dir_ / "a.npz");
+  EXPECT_LT(std::filesystem::file_size(dir_ / "a.npz"), 4u << 20);
+  const Error error = error_of([&] { open(numpy(), dir_ / "a.npz"); });
+  expect(error, ErrorCode::kLimit, "272629760 values, more than memory is given");
+  EXPECT_THAT(error.hint(), HasSubstr("raise --max-memory"));
 }
 
 TEST_F(NumpyBadInput, MemoryIsBounded) {

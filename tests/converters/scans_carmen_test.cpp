@@ -176,8 +176,69 @@ TEST_F(CarmenLogTest, OneTimeFarAheadDoesNotCostTheRest) {
   std::string text = flaser(2, 10) + flaser(2, 1e9);
   for (int i = 0; i < 100; ++i) text += flaser(2, 11 + i);
   const ReadScans scans = read(text);
+  EXPECT_EQ(scans.count("times_ahead"), 1u);
+  EXPECT_EQ(scans.faults.at("times_ahead").first, directory_ / "run.log" + std::string(":2"));
+  EXPECT_EQ(scans.faults.size(), 1u);
+  ASSERT_EQ(scans.list.size(), 101u);
+  for (std::size_t i = 1; i < scans.list.size(); ++i) {
+    ASSERT_LE(scans.laser(i).stamp_ns - scans.laser(i - 1).stamp_ns, 1'000'000'000);
+  }
+}
+
+TEST_F(CarmenLogTest, AJumpAheadCountsOnceASecondScanFollows) {
+  constexpr double kDay_s = 86'400;
+  const ReadScans scans = read(flaser(2, 0) + flaser(2, kDay_s) + flaser(2, 3 * kDay_s) +
+                               flaser(2, 3 * kDay_s + 0.1) + flaser(2, 3 * kDay_s + 0.2));
+  EXPECT_EQ(scans.list.size(), 4u);
+  EXPECT_EQ(scans.count("times_ahead"), 1u);
+  std::string rare;
+  for (int week = 0; week < 20; ++week) rare += flaser(2, 7 * kDay_s * week);
+  EXPECT_EQ(read(rare).list.size(), 19u);
+}
+
+TEST_F(CarmenLogTest, ClocksThatAreSetBackCountAfterTwenty) {
+  std::string text = flaser(2, 5000);
+  for (int i = 0; i < 100; ++i) text += flaser(2, 11 + i);
+  const ReadScans scans = read(text);
   EXPECT_EQ(scans.count("times_back"), 20u);
-  EXPECT_EQ(scans.list.size(), 82u);
+  EXPECT_EQ(scans.list.size(), 81u);
+}
+
+TEST_F(CarmenLogTest, TimesWhoseDifferenceCannotBeHeldAreNone) {
+  const ReadScans scans = read(flaser(2, -4.6e9) + flaser(2, 4.6e9) + flaser(2, 4.6e9) + flaser(2, 4.7e9) +
+                               flaser(2, -4.7e9) + flaser(2, 9e9) + flaser(2, 1e300));
+  ASSERT_EQ(scans.list.size(), 2u);
+  EXPECT_EQ(scans.laser(1).stamp_ns - scans.laser(0).stamp_ns, 9'200'000'000'000'000'000);
+  EXPECT_EQ(scans.count("times_ahead"), 1u);
+  EXPECT_EQ(scans.count("bad_numbers"), 4u);
+}
+
+TEST_F(CarmenLogTest, OneSignStandsBeforeANumber) {
+  EXPECT_EQ(read(flaser(2, 1, 1, "+3")).laser(0).ranges_m[0], 3);
+  for (const char* reading : {"+-3", "++3", "--3", "-+3", "+"}) {
+    EXPECT_EQ(read(flaser(2, 1) + flaser(2, 2, 1, reading)).count("bad_numbers"), 1u) << reading;
+  }
+}
+
+TEST_F(CarmenLogTest, ReadingsOutOfFloatStayInTheScan) {
+  const std::string zeros(60, '0');
+  const std::vector<std::pair<std::string, float>> cases{{"1e39", INFINITY},
+                                                         {"1e400", INFINITY},
+                                                         {"-1e39", -INFINITY},
+                                                         {"+1E+4000", INFINITY},
+                                                         {"1" + zeros, INFINITY},
+                                                         {"1" + zeros + ".5", INFINITY},
+                                                         {"1e-46", 0},
+                                                         {"1E-4000", 0},
+                                                         {"0." + zeros + "1", 0},
+                                                         {"-0." + zeros + "1", 0}};
+  for (const auto& [text, value] : cases) {
+    const ReadScans scans = read(flaser(2, 1, 1, text));
+    ASSERT_EQ(scans.list.size(), 1u) << text;
+    EXPECT_EQ(scans.laser(0).ranges_m[0], value) << text;
+    EXPECT_TRUE(scans.faults.empty()) << text;
+  }
+  EXPECT_EQ(read(flaser(2, 1) + flaser(2, 2, 1, "1e39x")).count("bad_numbers"), 1u);
 }
 
 TEST_F(CarmenLogTest, GiantLinesArePassedOver) {
@@ -291,6 +352,36 @@ TEST_F(PackedLogTest, DamageIsAnError) {
     EXPECT_EQ(error.code(), ErrorCode::kDamaged) << size;
     EXPECT_THAT(error.message(), HasSubstr("its bzip2 data ends early")) << size;
   }
+}
+
+TEST_F(PackedLogTest, OtherBytesBehindTheDataArePassedOver) {
+  const std::string good = packed(flaser(2, 1) + flaser(2, 2));
+  for (const std::string& tail : {std::string("\n"), std::string("B"), std::string("BZ"), std::string("BZx9"),
+                                  std::string(100'000, '\0'), std::string(70'000, 'x') + good}) {
+    EXPECT_EQ(read_scans(write_text(directory_ / "run.log.bz2", good + tail)).list.size(), 2u) << tail.size();
+  }
+  const Error error = error_of([&] {
+    read_scans({{write_text(directory_ / "run.log.bz2", good + "BZh9oops")}, "", "carmen"});
+  });
+  EXPECT_EQ(error.code(), ErrorCode::kDamaged);
+}
+
+TEST_F(PackedLogTest, StreamsDivideAnywhere) {
+  // The second stream begins at each place round the end of what is read of a file at once.
+  std::uint64_t state = 1;
+  std::string noise = "# ";
+  const auto next = [&state] { return state = state * 6364136223846793005u + 1442695040888963407u; };
+  while (noise.size() < 86'500) noise += static_cast<char>('0' + (next() >> 40) % 64);
+  const std::string tail = packed(flaser(2, 7));
+  int met = 0;
+  for (std::size_t size = noise.size(); size > 60'000 && met < 8; --size) {
+    const std::string head = packed(flaser(2, 1) + noise.substr(0, size) + "\n");
+    if (head.size() + 3 > 65'536 + 3) continue;
+    if (head.size() < 65'536 - 4) break;
+    ++met;
+    EXPECT_EQ(read_scans(write_text(directory_ / "run.log.bz2", head + tail)).list.size(), 2u) << head.size();
+  }
+  EXPECT_GT(met, 0);
 }
 
 TEST_F(PackedLogTest, NameDoesNotCount) {

@@ -67,6 +67,18 @@ TEST_F(PcdTest, ViewpointIsThePoseOfTheSensor) {
   EXPECT_NEAR(pose.apply({1, 0, 0})[1], 21, 1e-12);
 }
 
+TEST_F(PcdTest, AViewpointThatIsNoPoseMattersOnlyWithoutPoses) {
+  const std::string cloud =
+      pcd_header("binary", "2", "x y z", "4 4 4", "F F F", "1 1 1", "0 0 0 0 0 0 0") + point_bytes();
+  const std::string path = put("a.pcd", cloud);
+  const ReadScans placed = read_scans(path, put("poses.txt", "1 0 0 7 0 1 0 0 0 0 1 0\n"));
+  ASSERT_EQ(placed.list.size(), 1u);
+  EXPECT_EQ(placed.cloud(0).pose.translation_m[0], 7);
+  EXPECT_EQ(placed.cloud(0).xyz_m, kXyz);
+  EXPECT_TRUE(placed.faults.empty());
+  EXPECT_THAT(error_of([&] { read_scans(path); }).message(), HasSubstr("1 scan has an impossible pose"));
+}
+
 TEST_F(PcdTest, CompressedLiterals) {
   const std::string columns = raw(1.f, 4.f, 2.f, 5.f, 3.f, 6.f);
   const std::string packed_columns = std::string(1, static_cast<char>(columns.size() - 1)) + columns;
@@ -118,8 +130,6 @@ TEST_F(PcdTest, BadHeadersNameTheLine) {
   EXPECT_THAT(message(pcd_header("ascii", "x")), HasSubstr("no whole number in line 7"));
   EXPECT_THAT(message("# .PCD v0.7\nFIELDS x y z\n"), HasSubstr("header has no end"));
   EXPECT_THAT(message("# .PCD v0.7\nFROGS 3\n"), HasSubstr("unknown key 'FROGS' in line 2"));
-  EXPECT_THAT(message(pcd_header("ascii", "1", "x y z", "4 4 4", "F F F", "1 1 1", "0 0 0 0 0 0 0")),
-              HasSubstr("VIEWPOINT is no pose"));
   EXPECT_THAT(message(pcd_header("ascii", "1", "x y z", "4 4 4", "F F F", "1 1 1", "0 0 0")),
               HasSubstr("VIEWPOINT does not have 7 numbers"));
   EXPECT_THAT(message(pcd_header("ascii", "0")), HasSubstr("it holds no point"));
@@ -283,6 +293,29 @@ TEST_F(PosesTest, TimesOfTumNameTheRow) {
   EXPECT_THAT(xs(scans), ElementsAre(1, 3));
   EXPECT_EQ(scans.cloud(1).stamp_ns, 102'000'000'000);
   EXPECT_EQ(scans.count("no_poses"), 1u);
+}
+
+TEST_F(PosesTest, PackedCloudsKeepTheirNames) {
+  std::filesystem::create_directory(directory_ / "clouds");
+  for (const char* name : {"000002.bin.bz2", "000000.bin.bz2"}) {
+    put(std::string("clouds/") + name, packed(point(1)));
+  }
+  const std::string dir = directory_ / "clouds";
+  EXPECT_THAT(xs(read_scans(dir, put("kitti.txt", kitti(5) + kitti(6) + kitti(7)))), ElementsAre(5, 7));
+  EXPECT_THAT(xs(read_scans(dir, put("tum.txt", tum(0, 1) + tum(1, 2) + tum(2, 3)))), ElementsAre(1, 3));
+}
+
+TEST_F(PosesTest, OneTimeFarAheadCostsItsCloud) {
+  const std::string dir = clouds({"a.bin", "b.bin", "c.bin"});
+  const ReadScans scans = read_scans(dir, put("poses.txt", tum(1, 1) + tum(4e9, 2) + tum(2, 3)));
+  EXPECT_THAT(xs(scans), ElementsAre(1, 3));
+  EXPECT_THAT(scans.faults.at("times_ahead").first, HasSubstr("b.bin"));
+}
+
+TEST_F(PosesTest, TimesAtBothEndsAreCompared) {
+  const std::string dir = clouds({"-4600000000.bin", "0.bin"});
+  const ReadScans scans = read_scans(dir, put("poses.txt", tum(-1, 1) + tum(0, 2) + tum(4.6e9, 3)));
+  EXPECT_THAT(xs(scans), ElementsAre(2));
 }
 
 TEST_F(PosesTest, BadRowsCostTheirCloudOnly) {

@@ -340,6 +340,27 @@ TEST(ResampleMap, RuleMayDropWholePatches) {
   EXPECT_EQ(out.report.patches_dropped + out.map.size(), map.size());
 }
 
+TEST(ResampleMap, LayersThatComeOutWithoutDataAreCounted) {
+  MapHeader header;
+  header.types = TypeTable({LayerType::occupancy("a", Policy::kMin), LayerType::occupancy("b")});
+  Map map(header);
+  map.layer({0, 0}, 0, 1).at(1, {0, 0}) = 0.9f;  // free, among unknown: nothing
+  map.layer({1, 0}, 0, 1).at(1, {0, 0}) = 0.9f;
+  map.layer({1, 0}, 1, 1).at(0, {0, 0}) = 0.9f;
+  map.layer({2, 0}, 0, 1).at(0, {0, 0}) = 0.9f;
+  std::vector<bool> emptied;
+  const Resampled out = resample_map(map, to_step(0), threads(2),
+                                     [&](const ResampledLayer& layer) { emptied.push_back(layer.emptied); });
+  EXPECT_EQ(emptied, (std::vector<bool>{true, true, false, false}));
+  EXPECT_EQ(out.report.types[0].layers_merged, 3u);
+  EXPECT_EQ(out.report.types[0].layers_emptied, 2u);
+  EXPECT_EQ(out.report.types[0].cells_after, 1u);
+  EXPECT_EQ(out.report.types[1].layers_emptied, 0u);
+  EXPECT_EQ(out.report.patches_dropped, 0u);
+  EXPECT_EQ(out.report.patches_emptied, 1u);
+  EXPECT_EQ(out.map.size(), 2u);
+}
+
 TEST(ResampleMap, PolicyIsUsedAndStored) {
   const Map map = four_cells(LayerType::occupancy(), {{.9f, 0}, {0, .8f}, {0, .8f}, {0, .8f}});
   ResampleOptions options = to_step(0);

@@ -9,6 +9,7 @@
 #include <cctype>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <set>
 
 #include "tools/common/exit_code.hpp"
@@ -136,6 +137,23 @@ void warn_of_extension(Session& session, const std::string& path, const std::str
   }
   if (extension == written || kForeign.count(extension) == 0) return;
   session.warning(fmt::format("'{}' gets {} content whatever its extension says", path, written));
+}
+
+void check_second_output(const std::string& option, const std::string& path, const OutputChoice& output,
+                         const std::vector<std::string>& inputs) {
+  if (path == "-") throw usage_error(option + " is not written to standard output", "name a file");
+  // Either may not exist yet, so the places they would have are compared.
+  const auto place = [](const std::string& p) {
+    std::error_code error;
+    const auto whole = std::filesystem::absolute(p, error);
+    const auto resolved = std::filesystem::weakly_canonical(whole, error);
+    return error ? whole : resolved;
+  };
+  if (same_file(path, output.path) || (output.path != "-" && place(path) == place(output.path))) {
+    throw usage_error(fmt::format("{} and the output are the same file '{}'", option, path),
+                      "name two files");
+  }
+  check_output_path(path, output.overwrite, inputs);
 }
 
 bool same_file(const std::string& a, const std::string& b) {

@@ -55,8 +55,11 @@ void warn_of_extension(Session& session, const std::string& path, const std::str
 /// Both name one file: equal texts, or device and inode. Standard input is itself only.
 bool same_file(const std::string& a, const std::string& b);
 
-/// The check of OutputChoice for a second output, such as a picture.
+/// The check of OutputChoice for another path.
 void check_output_path(const std::string& path, bool overwrite, const std::vector<std::string>& inputs);
+/// The same for a second output, such as a picture, that `option` names: a file, and not the first output.
+void check_second_output(const std::string& option, const std::string& path, const OutputChoice& output,
+                         const std::vector<std::string>& inputs);
 
 /// --level, --lossy, --stamp, --no-provenance: how an .apgm file is written.
 struct MapWriting {

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/common/layout_table.hpp"
+
+namespace apgm::tools {
+
+/// Collects a drive and draws it.
+class LayoutChart {
+ public:
+  void add(const LayoutsAt& at);
+  /// SVG: for one moment bars of values, memory and disk; for several the values of each layout over time.
+  /// Layouts of equal curves share one.
+  std::string svg(const std::string& title) const;
+
+ private:
+  struct Moment {
+    double time_s = 0;
+    std::string profile;
+    std::vector<std::uint64_t> values;
+  };
+  std::string bars(const std::string& title) const;
+  std::string lines(const std::string& title) const;
+
+  std::vector<LayoutRow> last_;
+  std::vector<Moment> moments_;
+};
+
+}  // namespace apgm::tools
