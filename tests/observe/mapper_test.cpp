@@ -184,6 +184,21 @@ TEST(MapperTest, TheMapsOfTwoHalvesFuseToTheMapOfTheWhole) {
   EXPECT_LT(greatest_difference(kept, fuse_maps(others)), 0.021f);
 }
 
+TEST(MapperTest, MergedCellsKeepTheirUnknownMass) {
+  Mapper mapper(Frame{}, Models{});
+  mapper.set_profile(test::parking());  // 0.4 m
+  mapper.move_to({5, 5}, 0);
+  MapHeader header;
+  header.types = TypeTable({LayerType::occupancy()});
+  Map wall(header);
+  std::ranges::fill(wall.layer({0, 0}, 0, 5).plane(0), 0.9f);
+  mapper.add(wall);
+  EXPECT_FLOAT_EQ(cell_at(mapper.map(), {1, 1}).occupied, 0.9f);
+  mapper.set_profile(test::road());  // 0.8 m: four cells of 0.9 would be one of 0.9999
+  mapper.move_to({5, 5}, 1);
+  EXPECT_FLOAT_EQ(cell_at(mapper.map(), {1, 1}).occupied, 0.98f);
+}
+
 TEST(MapperTest, TotalConflictIsCountedAndForgets) {
   MapperOptions options;
   options.min_unknown = 0;

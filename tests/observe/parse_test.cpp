@@ -109,6 +109,7 @@ TEST(ParseModelsTest, RefusesValuesOutOfRange) {
   EXPECT_THAT(models_error("limits: {z_min_m: 3, z_max_m: 3}").message(), HasSubstr("not below z_max_m"));
   EXPECT_THAT(models_error("limits: {min_range_m: 90}").message(), HasSubstr("not below max_range_m"));
   EXPECT_THAT(models_error("classes: [one]").message(), HasSubstr("x.yaml"));
+  EXPECT_THAT(models_error("classes: [a, b, a]").message(), HasSubstr("names 'a' twice"));
   EXPECT_THAT(models_error("occupancy_layer: 'a b'").message(), HasSubstr("x.yaml"));
   EXPECT_THAT(models_error("occupancy_layer: semantics").message(), HasSubstr("same layer"));
 }

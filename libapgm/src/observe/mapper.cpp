@@ -163,6 +163,7 @@ void Mapper::State::fuse(const Measured& measured) {
   if (layer != nullptr && layer->step() != step) {
     live.resample(measured.patch, measured.type, step);
     ++report.layers_resampled;
+    floor_unknown(measured.patch, measured.type);
   }
   std::uint64_t conflicts = 0;
   if (layer == nullptr) {

@@ -57,6 +57,7 @@ struct Mapper::State {
   void follow();
   void fit_to_requirements();
   void fit(PatchIndex index, TypeId type, int step);
+  void floor_unknown(PatchIndex index, TypeId type);
   void bring_wanted_back();
 
   // Traffic with the store (mapper_store.cpp).

@@ -76,7 +76,15 @@ void Mapper::State::fit(PatchIndex index, TypeId type, int step) {
   if (after > before) check_room(after - before);
   live.resample(index, type, step);
   ++report.layers_resampled;
+  floor_unknown(index, type);
   if (is_vacuous(layer, live.types()[type])) live.drop(index, type);  // masses near 0, divided
+}
+
+/// Merging adds evidence up: merged cells, too, keep their unknown mass.
+void Mapper::State::floor_unknown(PatchIndex index, TypeId type) {
+  Layer& layer = *live.find(index, type);
+  observe::keep_unknown(layer, live.types()[type], {0, layer.side()},
+                        static_cast<float>(options.min_unknown));
 }
 
 /// What leaves and what becomes smaller makes room for what becomes larger.

@@ -1,5 +1,6 @@
 #include "apgm/observe/model.hpp"
 
+#include <algorithm>
 #include <string>
 
 #include "apgm/core/error.hpp"
@@ -38,6 +39,12 @@ void Models::check() const {
   if (occupancy_layer == semantic_layer) {
     throw Error(ErrorCode::kInvalidArgument,
                 "keys 'occupancy_layer' and 'semantic_layer' name the same layer");
+  }
+  for (std::size_t i = 1; i < classes.size(); ++i) {
+    if (std::find(classes.begin(), classes.begin() + static_cast<long>(i), classes[i]) !=
+        classes.begin() + static_cast<long>(i)) {
+      throw Error(ErrorCode::kInvalidArgument, "key 'classes' names '" + classes[i] + "' twice");
+    }
   }
   occupancy_type().check();
   semantic_type().check();

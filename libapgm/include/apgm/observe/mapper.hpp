@@ -26,9 +26,9 @@ struct MapperOptions {
   /// at least) the longest that leaves 0.99, so masses lie within a hundredth of alpha^t m. A mass below
   /// 2^-24 becomes 0; a layer without any data left is dropped. Real channels do not age.
   double ageing_per_s = 1.0;
-  /// After each fusion m(Omega) of an observed cell is at least this (less 1e-6), masses keep their ratio; in
-  /// [0, 0.5]. Without it float32 rounds m(Omega) to 0 after some thirty agreeing scans, and no later scan
-  /// can change the cell.
+  /// After each fusion and each change of the cell size m(Omega) of an observed cell is at least this (less
+  /// 1e-6), masses keep their ratio; in [0, 0.5]. Without it float32 rounds m(Omega) to 0 after some thirty
+  /// agreeing scans, and no later scan can change the cell.
   double min_unknown = 0.02;
   /// Most values of layers in memory, bytes; 0: no bound. Needs a store. Beyond it the least recently
   /// observed patches go to the store, until an eighth is free; during a call the patch in hand may come on
