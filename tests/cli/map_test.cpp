@@ -180,6 +180,15 @@ TEST_F(MapCliTest, OutputRules) {
   EXPECT_FALSE(exists("b.apgm"));
 }
 
+TEST_F(MapCliTest, AFileSizeLimitIsAFullDisk) {
+  put("run.log", log(400));
+  const std::string tool = command("map", {})[0];
+  const Outcome outcome =
+      run({"/bin/sh", "-c", "ulimit -f 4; cd '" + path("") + "' && '" + tool + "' run.log -o run.apgm"});
+  EXPECT_EQ(outcome.code, 5) << outcome.err;
+  EXPECT_EQ(files(), (std::set<std::string>{"run.log"}));
+}
+
 TEST_F(MapCliTest, NothingThatIsReadIsAnOutput) {
   put("one.csv", "x,y,z\n1,0,0\n2,1,0\n");
   put("list.csv",

@@ -28,6 +28,7 @@ void fill_standard_streams() {
 
 void handle_signals() {
   ::signal(SIGPIPE, SIG_IGN);
+  ::signal(SIGXFSZ, SIG_IGN);
   struct sigaction action {};
   action.sa_handler = handle;
   action.sa_flags = SA_RESTART;

@@ -5,7 +5,7 @@
 namespace apgm::tools {
 
 /// SIGINT and SIGTERM set the flag and let the operation end by itself; a second SIGINT ends the process at
-/// once. SIGPIPE is ignored, so that writing to a closed pipe fails instead.
+/// once. SIGPIPE and SIGXFSZ are ignored, so that writing to a closed pipe or a file too large fails instead.
 void handle_signals();
 
 /// Standard streams that are closed are filled, so that no file that is opened takes their place.
