@@ -11,6 +11,7 @@
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -45,6 +46,7 @@ constexpr const char* kUsage =
     "      --compare F.csv   what the map costs in other layouts, as apgm-compare writes it\n"
     "      --plot FILE.svg   the same as a picture\n"
     "      --every S         seconds between such comparisons (default 10)\n"
+    "      --cost            measure the times of accesses and shifts, too\n"
     "  -o, --output FILE     the live map at the end\n"
     "  -O, --overwrite       replace existing files\n";
 
@@ -54,7 +56,7 @@ struct Options {
   std::string models = APGM_SAMPLE_PROFILES "/models.yaml";
   std::string stats, compare, plot, output;
   double every_s = 10;
-  bool overwrite = false;
+  bool cost = false, overwrite = false;
 };
 
 double number(const std::string& text, const std::string& flag) {
@@ -82,6 +84,7 @@ Options parse(std::vector<std::string>& args) {
   take("--every", [&](const std::string& v) { options.every_s = number(v, "--every"); });
   take("-o", [&](const std::string& v) { options.output = v; });
   take("--output", [&](const std::string& v) { options.output = v; });
+  options.cost = take_switch(args, "--cost");
   const bool short_overwrite = take_switch(args, "-O");
   options.overwrite = take_switch(args, "--overwrite") || short_overwrite;
   expect_arguments(args, 0);
@@ -180,12 +183,14 @@ class Comparison {
     what_.finest_cell_m = apgm::tools::finest_cell_m(schedule, frame);
     what_.reach_m = apgm::tools::farthest_m(schedule).value_or(100);
     what_.disk = true;
+    what_.cost = options.cost;
   }
 
   void add(const DriveStep& step, const apgm::Map& map) {
+    if (!layouts_) layouts_.emplace(map, what_);
+    layouts_->move_to(step.vehicle, &map);
     if (steps_++ % period_ != 0) return;
-    const apgm::tools::LayoutsAt at{step.time_s, step.profile, step.vehicle,
-                                    apgm::tools::compare_layouts(map, step.vehicle, what_)};
+    const apgm::tools::LayoutsAt at{step.time_s, step.profile, step.vehicle, layouts_->rows(map)};
     means_.add(at);
     output_.add(at);
   }
@@ -206,6 +211,7 @@ class Comparison {
 
   long period_, steps_ = 0;
   apgm::tools::CompareOptions what_;
+  std::optional<apgm::tools::LayoutComparison> layouts_;
   apgm::tools::LayoutOutput output_;
   apgm::tools::DriveMeans means_;
 };

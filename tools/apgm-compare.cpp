@@ -46,11 +46,20 @@ class CompareTool final : public Tool {
              "cell. Ratios are to the map itself.",
              "With --profile the inputs are recordings as apgm-map reads them: a live map follows the "
              "vehicle "
-             "and the requirements, and every --every seconds its cells are put into the layouts.",
+             "and the requirements. Layouts that move travel with it: they shift after each scan, what "
+             "enters "
+             "is filled from the map, and what the map dropped stays until it leaves. Every --every seconds "
+             "the map's cells are brought in again and all is measured; with --cost the times of these "
+             "shifts, "
+             "too.",
+             "OctoMap, GeoTIFF (ZSTD, a file a layer) and NumPy (.npz) are written to a temporary directory "
+             "and "
+             "read back. An octree counts its leaves, and what OcTree::memoryUsage says.",
              "Tables show cells, the share that holds data, bytes of values, all bytes that are allocated, "
              "bytes "
              "of a file, and how belief changes: each cell of the map as it comes back from the layout. Lost "
-             "cells lie outside of it or are not stored. Lost obstacles had BetP(O) above 0.5.",
+             "cells lie outside of it or are not stored. Lost obstacles had BetP(O) above 0.5. What is not "
+             "measured is '-'.",
              "--csv writes a row for each moment and layout; the columns stand in docs/evaluation.md."},
         .examples = {{"apgm-compare site.apgm --at 12.5,-3", "the vehicle stands there"},
                      {"apgm-compare site.apgm --layout plan.yaml --cost", "a plan of yours; times too"},
@@ -79,11 +88,14 @@ class CompareTool final : public Tool {
     add_text(app, kDriveGroup, "--heights", heights_, "ZMIN,ZMAX",
              "heights of the map in metres that count as obstacles, ZMAX left out (default: all)");
     add_text(app, kDriveGroup, "--edge", edge_, "M", "side of a patch in metres (default 12.8)");
-    add_switch(app, kDriveGroup, "--motion", motion_,
-               "the input is a file of poses (KITTI, TUM): all that the profile asks for is taken as seen");
+    add_switch(
+        app, kDriveGroup, "--motion", motion_,
+        "the input is a file of poses (KITTI, TUM): all that the profile asks for is taken as seen; no "
+        "files, no beliefs: all cells are alike");
     add_text(app, "Output", "--csv", csv_, "FILE.csv", "write a table");
     add_text(app, "Output", "--plot", plot_, "FILE.svg", "draw bytes by layout, or over time");
     add_switch(app, "Output", "-O,--overwrite", overwrite_, "replace existing files");
+    heavy_.add(app);
   }
 
   void check(Session& session, const std::vector<std::string>& inputs) override {
@@ -99,7 +111,8 @@ class CompareTool final : public Tool {
     read.insert(read.end(), layouts_.begin(), layouts_.end());
     outputs_.check(csv_, plot_, overwrite_, read);
     if (plot_) warn_of_extension(session, *plot_, ".svg");
-    options_.disk = true;
+    heavy_.check();
+    options_.disk = options_.change = !motion_;
     options_.plans = usual_plans();
     for (const std::string& path : layouts_) {
       options_.plans.push_back(converters::naming(path, [&] { return parse_plan(read_yaml(path), path); }));
@@ -158,10 +171,11 @@ class CompareTool final : public Tool {
     const Reader source(inputs_.front());
     std::uint64_t bytes = 0;
     for (const auto& type : source.summary().types) bytes += type.raw_bytes;
-    if (bytes > kMaxMapBytes) {
+    const std::uint64_t budget = heavy_.max_memory_bytes;
+    if (bytes > (budget == 0 ? kMaxMapBytes : std::min(kMaxMapBytes, budget / 4))) {
       throw Error(ErrorCode::kLimit, fmt::format("'{}' holds {} of values: too much to compare at once",
                                                  inputs_.front(), size_text(bytes)))
-          .hint("cut a part out with apgm-crop");
+          .hint(budget == 0 ? "cut a part out with apgm-crop" : "raise --max-memory, or use apgm-crop");
     }
     if (source.summary().patches == 0) {
       throw Error(ErrorCode::kInvalidArgument,
@@ -170,7 +184,8 @@ class CompareTool final : public Tool {
     step_opened(session, inputs_.front(), source);
     Map map(source.header());
     MapSink sink(map);
-    copy(source, map.header().types, sink, true, session.run_options(heavy_, "reading"));
+    options_.run = session.run_options(heavy_, "reading");
+    copy(source, map.header().types, sink, true, options_.run);
     if (!vehicle_) {
       const Box box = map.header().frame.box_m(map.summary().range);
       vehicle_ = Point{(box.min.x_m + box.max.x_m) / 2, (box.min.y_m + box.max.y_m) / 2};
@@ -193,18 +208,20 @@ class CompareTool final : public Tool {
     request_.scans.cancel = &cancel_flag();
     if (poses_) request_.scans.poses = *poses_;
     const std::unique_ptr<DriveSource> source = motion_ ? open_motion(request_) : open_drive(request_);
-    const RunOptions run = session.run_options(heavy_, "comparing", ProgressUnit::kBytes);
+    options_.run = session.run_options(heavy_, "comparing", ProgressUnit::kBytes);
+    std::optional<LayoutComparison> layouts;
     DriveMeans means;
     DriveMoment moment;
     double next_s = 0;
     while (source->next(moment)) {
       session.check_cancelled();
-      if (run.progress) run.progress(source->bytes_done(), source->total_bytes());
+      if (options_.run.progress) options_.run.progress(source->bytes_done(), source->total_bytes());
+      if (!layouts) layouts.emplace(source->map(), options_);
+      // All that --motion sees is the same: what enters is filled when it is looked at.
+      layouts->move_to(moment.vehicle, motion_ ? nullptr : &source->map());
       if (moment.time_s < next_s - 1e-9) continue;
       next_s = every_s_ > 0 ? (std::floor(moment.time_s / every_s_ + 1e-9) + 1) * every_s_ : 0;
-      const Map& map = source->map();
-      const LayoutsAt at{moment.time_s, moment.profile, moment.vehicle,
-                         compare_layouts(map, moment.vehicle, options_)};
+      const LayoutsAt at{moment.time_s, moment.profile, moment.vehicle, layouts->rows(source->map())};
       means.add(at);
       output.add(at);
     }

@@ -1,24 +1,21 @@
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/App.hpp>
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
 #include <set>
 
-#include "apgm/format/output_file.hpp"
 #include "apgm/format/reader.hpp"
 #include "apgm/format/writer.hpp"
 #include "apgm/ops/copy.hpp"
-#include "converters/common/converter.hpp"
 #include "tools/common/app.hpp"
 #include "tools/common/exit_code.hpp"
+#include "tools/common/format_lookup.hpp"
+#include "tools/common/input_head.hpp"
 #include "tools/common/options.hpp"
 #include "tools/common/report.hpp"
+#include "tools/common/scratch.hpp"
 #include "tools/common/source_view.hpp"
+#include "tools/common/stream.hpp"
 #include "tools/common/suggest.hpp"
 
 namespace apgm::tools {
@@ -28,162 +25,8 @@ using converters::Converter;
 using converters::Settings;
 using converters::SettingSpec;
 
-constexpr const char* kApgm = "apgm";
+constexpr const char* kStream = "stream";
 constexpr const char* kConversionGroup = "Conversion";
-
-std::vector<std::string> format_names(bool reading) {
-  std::vector<std::string> names{kApgm};
-  for (const Converter* c : converters::all()) {
-    if (reading ? c->can_read() : c->can_write()) names.emplace_back(c->name());
-  }
-  return names;
-}
-
-/// The converter of a name, nullptr for .apgm itself.
-const Converter* format_named(const std::string& option, const std::string& name, bool reading) {
-  const std::string known = parse_choice(option, name, format_names(reading));
-  return known == kApgm ? nullptr : converters::find(known);
-}
-
-bool has_suffix(const std::string& path, std::string_view suffix) { return path.ends_with(suffix); }
-
-/// @return nullptr for .apgm. @throws Error{kInvalidArgument} if the extension says nothing
-const Converter* format_of_output(const std::string& path) {
-  if (path == "-" || has_suffix(path, ".apgm")) return nullptr;
-  if (const Converter* converter = converters::for_extension(path)) return converter;
-  throw usage_error(fmt::format("the extension of '{}' names no format", path),
-                    "pass --to with one of: " + join(format_names(false)));
-}
-
-constexpr std::size_t kHeadBytes = 4096;
-
-/// First bytes of standard input, which is left as it was; empty where that cannot be done.
-std::string head_of_standard_input() {
-  std::string head(kHeadBytes, '\0');
-  const off_t at = ::lseek(STDIN_FILENO, 0, SEEK_CUR);
-  ssize_t got = at < 0 ? -1 : ::pread(STDIN_FILENO, head.data(), head.size(), at);
-  int copy[2] = {-1, -1};
-  if (at < 0 && ::pipe(copy) == 0) {
-    got = ::tee(STDIN_FILENO, copy[1], head.size(), 0);
-    if (got > 0) got = ::read(copy[0], head.data(), static_cast<std::size_t>(got));
-    ::close(copy[0]);
-    ::close(copy[1]);
-  }
-  head.resize(static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
-  return head;
-}
-
-/// First bytes of an input. @throws Error{kUnreadable}
-std::string head_of(const std::string& path) {
-  if (path == "-") return head_of_standard_input();
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), std::fclose);
-  std::string head(kHeadBytes, '\0');
-  const std::size_t got = file == nullptr ? 0 : std::fread(head.data(), 1, head.size(), file.get());
-  if (file == nullptr || std::ferror(file.get()) != 0) {
-    const int error = errno;
-    throw Error(ErrorCode::kUnreadable, fmt::format("cannot open '{}': {}", path, std::strerror(error)))
-        .hint(error == ENOENT ? "check the name and the directory" : "")
-        .at(path);
-  }
-  head.resize(got);
-  return head;
-}
-
-bool is_text(const std::string& head) {
-  return !head.empty() && std::none_of(head.begin(), head.end(), [](unsigned char c) {
-    return (c < 0x20 && c != '\n' && c != '\r' && c != '\t') || c == 0x7f;
-  });
-}
-
-/// Text that is called YAML gets a message about its YAML.
-const Converter* yaml_by_name(const std::string& path, const std::string& head) {
-  const Converter* converter = converters::find("map_server");
-  return converter != nullptr && converters::for_extension(path) == converter && is_text(head) ? converter
-                                                                                               : nullptr;
-}
-
-[[noreturn]] void fail_unknown(const std::string& path, const std::string& head) {
-  const bool png = head.starts_with("\x89PNG"), pgm = head.starts_with("P2") || head.starts_with("P5");
-  std::string hint = "apgm-convert reads: " + join(format_names(true));
-  if (png || pgm) hint += "; a picture is read by the YAML of its map";
-  Error error(ErrorCode::kForeign, fmt::format("'{}' is of no format apgm-convert reads{}", path,
-                                               head.empty() ? ": it is empty"
-                                               : png        ? ": it is a PNG image"
-                                               : pgm        ? ": it is a PGM image"
-                                                            : ""));
-  throw error.hint(hint).at(path);
-}
-
-/// @return nullptr for .apgm, and for what is called so: the reader then says what is wrong
-const Converter* format_of_input(const std::string& path) {
-  constexpr std::string_view kMagic =
-      "\x89"
-      "APGM";
-  const std::string head = head_of(path);
-  if (head.starts_with(kMagic)) return nullptr;
-  const Converter* converter = converters::sniff(path, std::as_bytes(std::span(head)));
-  if (path == "-") {
-    if (converter == nullptr) return nullptr;
-    throw Error(ErrorCode::kUnsupported, fmt::format("{} is not read from standard input", converter->name()))
-        .hint("pass the file by its name");
-  }
-  if (converter == nullptr) converter = yaml_by_name(path, head);
-  if (converter == nullptr && !has_suffix(path, ".apgm")) fail_unknown(path, head);
-  return converter;
-}
-
-std::string format_name(const Converter* converter) {
-  return converter == nullptr ? kApgm : std::string(converter->name());
-}
-
-Json formats_json() {
-  Json formats = Json::array();
-  formats.push_back({{"name", kApgm},
-                     {"description", "adaptive patched grid maps"},
-                     {"extensions", {".apgm"}},
-                     {"reads", true},
-                     {"writes", true},
-                     {"settings", Json::array()},
-                     {"losses", Json::array()}});
-  for (const Converter* c : converters::all()) {
-    Json settings = Json::array();
-    for (const SettingSpec& s : c->settings()) {
-      settings.push_back({{"key", s.key},
-                          {"meaning", s.meaning},
-                          {"default", s.default_value.empty() ? Json() : Json(s.default_value)},
-                          {"for_reading", s.for_reading},
-                          {"for_writing", s.for_writing}});
-    }
-    formats.push_back({{"name", c->name()},
-                       {"description", c->description()},
-                       {"extensions", c->extensions()},
-                       {"reads", c->can_read()},
-                       {"writes", c->can_write()},
-                       {"settings", settings},
-                       {"losses", c->losses()}});
-  }
-  return formats;
-}
-
-std::string formats_text(const Json& formats) {
-  std::string text;
-  for (const Json& format : formats) {
-    const bool reads = format["reads"], writes = format["writes"];
-    text += fmt::format("{}{}  {} ({}), {}\n", text.empty() ? "" : "\n", format["name"].get<std::string>(),
-                        format["description"].get<std::string>(),
-                        join(format["extensions"].get<std::vector<std::string>>(), " "),
-                        reads ? (writes ? "reads and writes" : "reads") : "writes");
-    TextTable settings({"  setting", "for", "default", "meaning"});
-    for (const Json& s : format["settings"]) {
-      const bool in = s["for_reading"], out = s["for_writing"];
-      settings.add({"  " + s["key"].get<std::string>(), in ? (out ? "both" : "reading") : "writing",
-                    s["default"].is_null() ? "" : s["default"].get<std::string>(), s["meaning"]});
-    }
-    if (!format["settings"].empty()) text += settings.text();
-    for (const Json& loss : format["losses"]) text += "  lost: " + loss.get<std::string>() + "\n";
-  }
-  return text;
-}
 
 /// Thrown through the library on the first loss with --max-loss none.
 struct LossRefused {
@@ -199,12 +42,18 @@ class ConvertTool final : public Tool {
         .usage = "[OPTIONS] INPUT -o OUTPUT\n       apgm-convert --formats",
         .details = {"The input's format is told by its content, the output's by its extension. What a format "
                     "cannot hold is listed, and the exit code is then 3. From .apgm to .apgm layers are "
-                    "copied as they are stored, unless --level or --lossy is given."},
+                    "copied as they are stored, unless --level or --lossy is given.",
+                    "A stream (.apgms, or --stream) is a map as blocks that are useful one by one, without "
+                    "an index: "
+                    "for pipes, sockets and datagrams. A stream that lacks a block or its end is refused, "
+                    "unless --salvage is given: what is missing is then listed, and the exit code is 3."},
         .examples = {{"apgm-convert building.bt -o building.apgm", "an OctoMap, columns projected"},
                      {"apgm-convert building.bt --set mode=slices -o building.apgm",
                       "an OctoMap, a layer for each height: nothing is lost"},
                      {"apgm-convert site.apgm --layer occupancy -o site.yaml", "for the nav2 map server"},
-                     {"apgm-convert --level 12 site.apgm -o small.apgm", "the same map, packed harder"}},
+                     {"apgm-convert --level 12 site.apgm -o small.apgm", "the same map, packed harder"},
+                     {"apgm-convert site.apgm --stream -o - | ssh host apgm-convert - -o site.apgm",
+                      "a map through a pipe"}},
         .exit_codes = {{kExitNo, "--max-loss none: data would be lost; nothing was written"},
                        {kExitLoss, "written, with loss that is listed"},
                        {kExitOutput, "the output exists, is not permitted, or the disk is full"},
@@ -220,6 +69,9 @@ class ConvertTool final : public Tool {
     add_list(app, kConversionGroup, "--set", set_, "KEY=VALUE", "a setting of a format (repeatable)");
     add_text(app, kConversionGroup, "--max-loss", max_loss_, "none|any",
              "none: write nothing and exit with 1 if data would be lost (default: any)");
+    add_switch(app, kConversionGroup, "--salvage", salvage_,
+               "keep what arrived of a stream that is not whole; what is missing is listed");
+    stream_.add(app, kConversionGroup);
     filter_.add(app);
     output_.add(app);
     writing_.add(app);
@@ -230,7 +82,8 @@ class ConvertTool final : public Tool {
     if (list_formats_) return;
     input_ = one_input(inputs);
     const std::optional<std::string> to = to_;
-    if (from_) reader_ = format_named("--from", *from_, true);
+    from_stream_ = from_ == kStream;
+    if (from_ && !from_stream_) reader_ = format_named("--from", *from_, true);
     writer_ = to ? format_named("--to", *to, false) : nullptr;
     settings_ = parse_pairs("--set", set_);
     check_keys(keys_of_all(), "no format has");
@@ -239,7 +92,16 @@ class ConvertTool final : public Tool {
     writing_.check();
     heavy_.check();
     output_.check(session, {input_});
-    if (!to) writer_ = format_of_output(output_.path);
+    if (!to && output_.path.ends_with(kStreamExtension)) stream_.on = true;
+    stream_.check();
+    if (!to && !stream_.on) writer_ = format_of_output(output_.path);
+    if (stream_.on && writer_ != nullptr) {
+      throw usage_error(fmt::format("--stream and --to {} name two formats", writer_->name()),
+                        "pass one of them");
+    }
+    if (salvage_ && keep_all_) {
+      throw usage_error("--salvage accepts loss, and --max-loss none refuses it", "pass one of them");
+    }
     check_streams();
     check_values();
     if (writer_ != nullptr && !writing_.given().empty()) {
@@ -368,7 +230,15 @@ class ConvertTool final : public Tool {
   }
 
   void convert(Session& session) {
-    if (!from_) reader_ = format_of_input(input_);
+    if (!from_) {
+      const InputFormat format = format_of_input(input_);
+      reader_ = format.converter;
+      from_stream_ = format.is_stream;
+    }
+    if (salvage_ && !from_stream_) {
+      throw usage_error(fmt::format("--salvage is for streams, and '{}' is none", input_),
+                        "'apgm crop --salvage' keeps the whole layers of a damaged map");
+    }
     std::set<std::string> keys = keys_of(reader_, true);
     keys.merge(keys_of(writer_, false));
     check_keys(keys, fmt::format("from {} to {} there is not", format_name(reader_), format_name(writer_)));
@@ -381,9 +251,9 @@ class ConvertTool final : public Tool {
     const PatchSource& part = filter_.any() ? static_cast<const PatchSource&>(view) : *source;
     session.result()["input"] = {
         {"path", input_},
-        {"format", format_name(reader_)},
+        {"format", from_stream_ ? kStream : format_name(reader_)},
         {"content_id", source->content_id().empty() ? Json() : Json(source->content_id())}};
-    session.result()["output_format"] = format_name(writer_);
+    session.result()["output_format"] = stream_.on ? kStream : format_name(writer_);
     RunOptions run = session.run_options(heavy_, "converting");
     run.findings = findings(session);
     const converters::WriteRequest request = request_for(run);
@@ -392,6 +262,7 @@ class ConvertTool final : public Tool {
       writer_->check_replaceable(part.header(), request);
     }
     if (output_.dry_run) return report_dry_run(session, output_);
+    if (stream_.on) return write_stream(session, *source, part, run);
     if (writer_ == nullptr) return write_map(session, *source, part, run);
     write_foreign(session, part, request);
   }
@@ -402,8 +273,10 @@ class ConvertTool final : public Tool {
   }
 
   std::unique_ptr<PatchSource> open(Session& session) const {
+    if (from_stream_) return read_stream(session, input_, scratch_directory(output_.path), salvage_);
     if (reader_ == nullptr) return std::make_unique<Reader>(input_);
-    return reader_->open({input_, settings_of(reader_, true), findings(session), heavy_.max_memory_bytes});
+    return reader_->open(
+        {input_, settings_of(reader_, true), findings(session), session.memory_left(heavy_)});
   }
 
   Provenance step(const PatchSource& source) const {
@@ -431,6 +304,17 @@ class ConvertTool final : public Tool {
     report_written(session, output_, writer.report());
   }
 
+  void write_stream(Session& session, const PatchSource& source, const PatchSource& part,
+                    const RunOptions& run) {
+    MapHeader header = part.header();
+    writing_.apply(header, step(source));
+    StreamFile file(output_, header, stream_.options(writing_));
+    copy(part, header.types, file.writer(), writing_.reencode(), run);
+    session.check_cancelled();
+    file.writer().finish();
+    file.commit(session, output_);
+  }
+
   void write_foreign(Session& session, const PatchSource& part, const converters::WriteRequest& request) {
     const Summary summary = part.summary();
     writer_->write(part, request);
@@ -445,6 +329,9 @@ class ConvertTool final : public Tool {
   std::string input_;
   bool list_formats_ = false;
   bool keep_all_ = false;
+  bool salvage_ = false;
+  bool from_stream_ = false;
+  StreamWriting stream_;
   std::optional<std::string> from_, to_, max_loss_;
   std::vector<std::string> set_;
   Settings settings_;

@@ -3,12 +3,14 @@
 #include <unistd.h>
 
 #include <CLI/App.hpp>
+#include <algorithm>
 
 #include "apgm/format/reader.hpp"
 #include "apgm/ops/statistics.hpp"
 #include "tools/common/app.hpp"
 #include "tools/common/exit_code.hpp"
 #include "tools/common/options.hpp"
+#include "tools/common/report.hpp"
 #include "tools/common/sketch.hpp"
 #include "tools/common/source_view.hpp"
 
@@ -16,6 +18,8 @@ namespace apgm::tools {
 namespace {
 
 constexpr double kMetresPerMicrometre = 1e-6;
+/// Of a step of the history, in the text for people.
+constexpr std::size_t kMaxInputsShown = 16;
 
 Json layer_json(const LayerType& type, const Summary::OfType& totals) {
   Json steps = Json::object();
@@ -51,7 +55,30 @@ Json history_json(const MapHeader& header) {
   return steps;
 }
 
-Json document(const Reader& reader, const PatchSource& view) {
+/// What the file is beside its map.
+Json file_json(Session& session, const Reader& reader) {
+  const FileInfo& file = reader.file();
+  Json json = {{"bytes", file.file_bytes},
+               {"format_version", fmt::format("{}.{}", file.version_major, file.version_minor)},
+               {"archive", file.archive},
+               {"commit", file.commits},
+               {"commits", 1},
+               {"message", ""},
+               {"uncommitted_bytes", file.uncommitted_bytes}};
+  if (!file.archive) return json;
+  try {
+    const std::vector<CommitInfo> commits = reader.commits();
+    json["commits"] = commits.size();
+    json["message"] = commits.back().message;
+  } catch (const Error& error) {
+    if (error.code() == ErrorCode::kUnreadable) throw;
+    session.warning(fmt::format("the commits of '{}' cannot be told: {}", reader.path(), error.message()));
+    json["commits"] = json["message"] = nullptr;
+  }
+  return json;
+}
+
+Json document(Session& session, const Reader& reader, const PatchSource& view) {
   const MapHeader& header = view.header();
   const Frame& frame = header.frame;
   const Summary summary = view.summary();
@@ -59,7 +86,6 @@ Json document(const Reader& reader, const PatchSource& view) {
   for (TypeId id = 0; id < header.types.size(); ++id) {
     layers.push_back(layer_json(header.types[id], summary.types[id]));
   }
-  const FileInfo& file = reader.file();
   const Point datum = frame.datum_m();
   return {{"map",
            {{"edge_m", frame.edge_m()},
@@ -72,10 +98,7 @@ Json document(const Reader& reader, const PatchSource& view) {
             {"metadata", header.metadata},
             {"stamp_ns", header.stamp_ns != 0 ? Json(header.stamp_ns) : Json()}}},
           {"layers", layers},
-          {"file",
-           {{"bytes", file.file_bytes},
-            {"format_version", fmt::format("{}.{}", file.version_major, file.version_minor)},
-            {"commits", file.commits}}}};
+          {"file", file_json(session, reader)}};
 }
 
 void add_cell_counts(Json& document, const std::vector<CellStatistics>& counts) {
@@ -88,10 +111,29 @@ void add_cell_counts(Json& document, const std::vector<CellStatistics>& counts) 
   }
 }
 
+/// What a person reads of a long text; --json and --get give it whole.
+std::string shortened(const std::string& text) {
+  constexpr std::size_t kMaxShown = 200;
+  if (text.size() <= kMaxShown) return text;
+  std::size_t end = kMaxShown;
+  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;  // a whole character
+  return text.substr(0, end) + fmt::format("... ({})", plural(text.size(), "byte", "bytes"));
+}
+
 std::string numbers_text(const Json& list) {
   std::vector<std::string> words;
   for (const Json& n : list) words.push_back(to_line(n));
   return join(words);
+}
+
+/// "3 commits (last: 7, second drive)"
+std::string commits_text(const Json& file) {
+  if (!file["archive"].get<bool>()) return "1 commit";
+  const std::string last = to_line(file["commit"]);
+  if (file["commits"].is_null()) return "last commit " + last;
+  const std::string message = shortened(first_line(file["message"]));
+  return fmt::format("{} (last: {}{})", plural(file["commits"], "commit", "commits"), last,
+                     message.empty() ? "" : ", " + message);
 }
 
 std::string map_text(const std::string& path, const Json& document) {
@@ -103,8 +145,7 @@ std::string map_text(const std::string& path, const Json& document) {
   const auto patches = map["patches"].get<std::uint64_t>();
   std::string text = path + "\n";
   text += line("file", fmt::format("{}, format {}, {}", size_text(file["bytes"]),
-                                   file["format_version"].get<std::string>(),
-                                   plural(file["commits"], "commit", "commits")));
+                                   file["format_version"].get<std::string>(), commits_text(file)));
   text += line("frame", fmt::format("'{}', EPSG {}, datum ({}) m", map["frame_id"].get<std::string>(),
                                     map["epsg"].is_null() ? "unknown" : to_line(map["epsg"]),
                                     numbers_text(map["datum_m"])));
@@ -113,7 +154,7 @@ std::string map_text(const std::string& path, const Json& document) {
   if (!map["bbox_m"].is_null()) text += line("box", fmt::format("{} m", numbers_text(map["bbox_m"])));
   text += line("content", map["content_id"].get<std::string>());
   for (const auto& [key, value] : map["metadata"].items()) {
-    text += line("metadata", key + " = " + value.get<std::string>());
+    text += line("metadata", key + " = " + shortened(value.get<std::string>()));
   }
   if (patches == 0) text += "  the map holds no patches\n";
   return text;
@@ -153,15 +194,36 @@ std::string layers_text(const Json& layers, bool extended) {
   return "\n" + table.text();
 }
 
+/// "rule dempster, regrid false"
+std::string parameters_line(const Json& parameters) {
+  if (!parameters.is_object()) return to_line(parameters);
+  std::vector<std::string> words;
+  for (const auto& [key, value] : parameters.items()) {
+    words.push_back(key + " " + (value.is_string() ? value.get<std::string>() : to_line(value)));
+  }
+  return join(words);
+}
+
 std::string history_text(const Json& history) {
   if (history.empty()) return "\nhistory: none is stored\n";
-  TextTable table({">", "operation", "inputs", "parameters"});
+  std::string text = "\nhistory, oldest first\n";
   int number = 0;
   for (const Json& step : history) {
-    table.add({std::to_string(++number), step["operation"],
-               join(step["inputs"].get<std::vector<std::string>>()), to_line(step["parameters"])});
+    const auto inputs = step["inputs"].get<std::vector<std::string>>();
+    text += fmt::format("  {}. {}{}\n", ++number, step["operation"].get<std::string>(),
+                        inputs.size() == 1 ? " of " + inputs[0] : "");
+    const std::string parameters = parameters_line(step["parameters"]);
+    if (!parameters.empty()) text += "       " + shortened(parameters) + "\n";
+    if (inputs.size() == 1) continue;
+    for (std::size_t i = 0; i < std::min(inputs.size(), kMaxInputsShown); ++i) {
+      text += fmt::format("       {} {}\n", i == 0 ? "of" : "  ", inputs[i]);
+    }
+    if (inputs.size() > kMaxInputsShown) {
+      text += fmt::format("          and {}\n",
+                          plural(inputs.size() - kMaxInputsShown, "more input", "more inputs"));
+    }
   }
-  return "\nhistory, oldest first\n" + table.text();
+  return text;
 }
 
 std::string sketch_text(const PatchSource& source) {
@@ -181,8 +243,10 @@ class InfoTool final : public Tool {
         .verb = "info",
         .summary = "say what an .apgm map holds",
         .usage = "[OPTIONS] INPUT",
-        .details = {"Reads the head, the tail and where asked for the index of the file, never its cells "
-                    "unless --extended is given. '-' reads standard input."},
+        .details =
+            {"Reads the head, the tail and where asked for the index of the file, never its cells "
+             "unless --extended is given. '-' reads standard input. Of an archive it is the last commit; "
+             "'apgm-archive log' lists them all."},
         .examples = {{"apgm-info site.apgm", "a summary for people, with a sketch of the map on a terminal"},
                      {"apgm-info --get map.patches site.apgm", "one value, for scripts"},
                      {"apgm-info --json --extended site.apgm",
@@ -208,9 +272,10 @@ class InfoTool final : public Tool {
 
   void run(Session& session) override {
     const Reader reader(input_);
+    step_opened(session, input_, reader);
     const SourceView view(reader, filter_.layers, filter_.box);
     const PatchSource& source = filter_.any() ? static_cast<const PatchSource&>(view) : reader;
-    Json document = tools::document(reader, source);
+    Json document = tools::document(session, reader, source);
     if (extended_) add_cell_counts(document, statistics(source, session.run_options(heavy_, "counting")));
     if (history_) document["history"] = history_json(source.header());
     if (get_) return print_value(session, document);

@@ -1,16 +1,12 @@
 #include <fmt/format.h>
 
-#ifdef __GLIBC__
-#include <malloc.h>
-#endif
-
 #include <CLI/App.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <filesystem>
 #include <limits>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/format/scratch_map.hpp"
 #include "apgm/format/writer.hpp"
 #include "apgm/observe/mapper.hpp"
@@ -26,6 +22,7 @@
 #include "tools/common/scan_mapping.hpp"
 #include "tools/common/scan_memory.hpp"
 #include "tools/common/scan_stats.hpp"
+#include "tools/common/scratch.hpp"
 #include "tools/common/signals.hpp"
 
 namespace apgm::tools {
@@ -43,17 +40,10 @@ constexpr std::uint64_t kMaxYamlBytes = std::uint64_t{1} << 20;
 constexpr std::uint64_t kUsualLayerBytes = std::uint64_t{1} << 30;
 /// Part of --max-memory that these may take; the rest is for what a scan touches, its own layers, and spares.
 constexpr int kLayerShare = 4;
+/// Layers of the largest kind that one scan may touch at a time, with its own.
+constexpr std::uint64_t kLeastScanLayers = 16;
 
 std::string read_yaml(const std::string& path) { return converters::read_file(path, kMaxYamlBytes); }
-
-/// Layers come and go all the time; in the heap of glibc small blocks settle in the gaps they leave, and it
-/// grows as if the whole map stayed. Blocks of their own go back to the system.
-void give_layers_blocks_of_their_own() {
-#ifdef __GLIBC__
-  constexpr int kLeastBytes = 1 << 16;
-  ::mallopt(M_MMAP_THRESHOLD, kLeastBytes);
-#endif
-}
 
 double seconds(std::chrono::steady_clock::duration d) { return std::chrono::duration<double>(d).count(); }
 
@@ -170,8 +160,8 @@ class MapTool final : public Tool {
     if (stats_) stats.emplace(*stats_, output_.options());
     MapHeader header;
     header.frame = frame_;
-    ScratchMap scratch(header, directory_of_scratch(), writing_.level);
-    if (heavy_.max_memory_bytes > 0) give_layers_blocks_of_their_own();
+    ScratchMap scratch(header, scratch_directory(output_.path), writing_.level);
+    check_work_memory(session);
     const Tally tally = map_scans(session, *scans, stats ? &*stats : nullptr, scratch);
     write(session, *scans, tally, stats ? &*stats : nullptr, scratch);
   }
@@ -248,28 +238,41 @@ class MapTool final : public Tool {
     }
   }
 
+  /// The largest layer, and what a profile requires at a time.
+  RequiredMemory required() const {
+    const LayerType type = models_.occupancy_type();
+    RequiredMemory most;
+    if (!schedule_) most.layer_bytes = layer_memory(type, frame_.step_for(options_.cell_m));
+    for (std::size_t i = 0; schedule_ && i < schedule_->entries.size(); ++i) {
+      const RequiredMemory own = required_memory(schedule_->entries[i].profile, frame_, type);
+      most.layer_bytes = std::max(most.layer_bytes, own.layer_bytes);
+      most.total_bytes = std::max(most.total_bytes, own.total_bytes);
+    }
+    return most;
+  }
+
   /// What is known to be too much for --max-memory before a scan is read; the rest shows on the way.
   void check_memory() const {
     const std::uint64_t budget = heavy_.max_memory_bytes;
     if (budget == 0) return;
-    const LayerType type = models_.occupancy_type();
-    std::uint64_t layer_bytes = 0;
-    double required_bytes = 0;
-    if (schedule_) {
-      for (const Schedule::Entry& entry : schedule_->entries) {
-        const RequiredMemory required = required_memory(entry.profile, frame_, type);
-        layer_bytes = std::max(layer_bytes, required.layer_bytes);
-        required_bytes = std::max(required_bytes, required.total_bytes);
-      }
-    } else {
-      layer_bytes = layer_memory(type, frame_.step_for(options_.cell_m));
-    }
+    const auto [layer_bytes, required_bytes] = required();
     const std::uint64_t writing = least_copy_memory({&layer_bytes, 1});
     if (budget < writing) {
       fail_memory("does not hold what it takes to write one layer", static_cast<double>(writing));
     }
     if (static_cast<double>(budget / kLayerShare) < required_bytes) {
       fail_memory("does not hold the layers that the profile asks for", required_bytes * kLayerShare);
+    }
+  }
+
+  /// What one scan takes, and then the writing of a layer, beside what the process holds already.
+  void check_work_memory(Session& session) const {
+    const std::uint64_t left = session.memory_left(heavy_);
+    const std::uint64_t layer_bytes = required().layer_bytes;
+    const std::uint64_t least =
+        std::max(least_copy_memory({&layer_bytes, 1}), kLeastScanLayers * layer_bytes);
+    if (left != 0 && left < least) {
+      throw over_budget("the memory budget does not hold one scan at work", least, "take larger cells");
     }
   }
 
@@ -280,31 +283,17 @@ class MapTool final : public Tool {
             fmt::format("allow at least {:.0f}M, or take larger cells", std::ceil(least_bytes / kMebibyte)));
   }
 
-  /// Beside the map, unless that is no file.
-  std::string directory_of_scratch() const {
-    namespace fs = std::filesystem;
-    std::error_code error;
-    const fs::file_status target = fs::status(output_.path, error);
-    if (output_.path != "-" && (!fs::exists(target) || fs::is_regular_file(target))) {
-      const fs::path resolved = fs::weakly_canonical(output_.path, error);
-      return (error ? fs::path(output_.path) : resolved).parent_path().string();
-    }
-    const fs::path directory = fs::temp_directory_path(error);
-    if (!error) return directory.string();
-    throw Error(ErrorCode::kOutput, "there is no directory for temporary files: " + error.message())
-        .hint("name one in the environment as TMPDIR");
-  }
-
-  MapperOptions mapper_options() const {
+  MapperOptions mapper_options(Session& session) const {
     MapperOptions options = options_;
-    const std::uint64_t budget = heavy_.max_memory_bytes;
-    options.max_memory_bytes = budget == 0 ? kUsualLayerBytes : budget / kLayerShare;
+    const std::uint64_t budget = session.memory_left(heavy_);
+    options.max_memory_bytes =
+        budget == 0 ? kUsualLayerBytes : std::max<std::uint64_t>(1, budget / kLayerShare);
     return options;
   }
 
   Tally map_scans(Session& session, ScanReader& scans, ScanStats* stats, ScratchMap& scratch) {
     const auto start = std::chrono::steady_clock::now();
-    Mapper mapper(frame_, models_, mapper_options(), &scratch);
+    Mapper mapper(frame_, models_, mapper_options(session), &scratch);
     const RunOptions run = session.run_options(heavy_, "mapping", ProgressUnit::kBytes);
     Tally tally;
     Measurement measurement;

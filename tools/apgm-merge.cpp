@@ -3,16 +3,22 @@
 #include <CLI/App.hpp>
 #include <algorithm>
 #include <deque>
+#include <memory>
 
 #include "apgm/format/reader.hpp"
 #include "apgm/format/writer.hpp"
+#include "apgm/ops/apply.hpp"
+#include "apgm/ops/copy.hpp"
 #include "apgm/ops/merge.hpp"
 #include "tools/common/app.hpp"
 #include "tools/common/conflict_picture.hpp"
 #include "tools/common/exit_code.hpp"
+#include "tools/common/input_head.hpp"
 #include "tools/common/options.hpp"
 #include "tools/common/picture.hpp"
 #include "tools/common/report.hpp"
+#include "tools/common/scratch.hpp"
+#include "tools/common/stream.hpp"
 #include "tools/common/suggest.hpp"
 
 namespace apgm::tools {
@@ -23,23 +29,31 @@ constexpr const char* kFusionGroup = "Fusion";
 class MergeTool final : public Tool {
  public:
   ToolInfo info() const override {
-    return {.verb = "merge",
-            .summary = "fuse maps into one",
-            .usage = "[OPTIONS] INPUT... -o OUTPUT",
-            .details = {"Layers of the same type are brought to one cell size, then fused cell by cell. The "
-                        "result is the same, byte for byte, for any order of the inputs (--rule last "
-                        "excepted) and any number of threads. Layers that one input alone holds are copied "
-                        "as they are stored.",
-                        "Inputs must have the same patch edge, CRS and frame id, and datums that differ by "
-                        "whole cells; --regrid lifts the first and the last."},
-            .examples = {{"apgm-merge monday.apgm tuesday.apgm -o site.apgm", "two maps by Dempster's rule"},
-                         {"apgm-merge a.apgm b.apgm --discount b.apgm=0.8 -o ab.apgm",
-                          "trust the second map less"},
-                         {"apgm-merge a.apgm b.apgm --conflict-map conflict.png -o ab.apgm",
-                          "also draw where the maps contradict each other"}},
-            .exit_codes = {{kExitOutput, "the output exists, is not permitted, or the disk is full"},
-                           {kExitLimit, "a limit of the format or the budget is met"},
-                           {kExitIncompatible, "the inputs do not fit together"}}};
+    return {
+        .verb = "merge",
+        .summary = "fuse maps into one",
+        .usage = "[OPTIONS] INPUT... -o OUTPUT",
+        .details = {"Layers of the same type are brought to one cell size, then fused cell by cell. The "
+                    "result is the same, byte for byte, for any order of the inputs (--rule last "
+                    "excepted) and any number of threads. Layers that one input alone holds are copied "
+                    "as they are stored.",
+                    "Inputs must have the same patch edge, CRS and frame id, and datums that differ by "
+                    "whole cells; --regrid lifts the first and the last.",
+                    "With --apply the one input is the base of a delta that 'apgm-diff --delta' made. The "
+                    "output is the map the delta leads to; a delta for another base is refused, as is a "
+                    "delta as a stream that lacks a block."},
+        .examples = {{"apgm-merge monday.apgm tuesday.apgm -o site.apgm", "two maps by Dempster's rule"},
+                     {"apgm-merge a.apgm b.apgm --discount b.apgm=0.8 -o ab.apgm",
+                      "trust the second map less"},
+                     {"apgm-merge a.apgm b.apgm --conflict-map conflict.png -o ab.apgm",
+                      "also draw where the maps contradict each other"},
+                     {"apgm-merge --apply today.apgm yesterday.apgm -o new.apgm",
+                      "bring a map up to date with a delta"},
+                     {"ssh host cat today.apgms | apgm-merge --apply - yesterday.apgm -o new.apgm",
+                      "the same from a stream of changes"}},
+        .exit_codes = {{kExitOutput, "the output exists, is not permitted, or the disk is full"},
+                       {kExitLimit, "a limit of the format or the budget is met"},
+                       {kExitIncompatible, "the inputs do not fit together"}}};
   }
 
   void add_options(CLI::App& app) override {
@@ -54,6 +68,8 @@ class MergeTool final : public Tool {
              "take all inputs as being in this frame");
     add_text(app, kFusionGroup, "--conflict-map", picture_path_, "FILE.png",
              "also draw where the inputs contradict each other: white K = 0, black K = 1");
+    add_list(app, "Deltas", "--apply", deltas_, "DELTA",
+             "bring the one input to the map that a delta leads to (repeatable, in their order)");
     output_.add(app);
     writing_.add(app);
     heavy_.add(app);
@@ -70,7 +86,10 @@ class MergeTool final : public Tool {
     check_discounts();
     writing_.check();
     heavy_.check();
-    output_.check(session, inputs_);
+    std::vector<std::string> read = inputs_;
+    read.insert(read.end(), deltas_.begin(), deltas_.end());
+    if (!deltas_.empty()) check_apply(read);
+    output_.check(session, read);
     warn_of_extension(session, output_.path, ".apgm");
     if (picture_path_) {
       check_second_output("--conflict-map", *picture_path_, output_, inputs_);
@@ -79,7 +98,10 @@ class MergeTool final : public Tool {
     warn_of_repetition(session);
   }
 
-  void run(Session& session) override {
+  void run(Session& session) override { deltas_.empty() ? merge(session) : apply(session); }
+
+ private:
+  void merge(Session& session) {
     std::deque<Reader> readers;
     std::vector<MergeInput> merged;
     Json& result = session.result();
@@ -88,6 +110,10 @@ class MergeTool final : public Tool {
       const std::string& path = inputs_[i];
       const Reader& reader = readers.emplace_back(path);
       step_opened(session, path, reader);
+      if (holds_changes(reader.header())) {
+        session.warning(
+            fmt::format("'{}' holds changes of a map, not a whole one; --apply applies them", path));
+      }
       merged.push_back({&reader, path, alphas_[i].value_or(1.0f)});
       result["inputs"].push_back(
           {{"path", path}, {"content_id", reader.content_id()}, {"patches", reader.summary().patches}});
@@ -95,6 +121,7 @@ class MergeTool final : public Tool {
     }
     ConflictPicture conflicts;
     if (picture_path_) options_.conflict = &conflicts;
+    options_.max_memory_bytes = session.memory_left(heavy_);
     const MergePlan plan(std::move(merged), options_);
     MapHeader header = plan.header();
     writing_.apply(header, {});
@@ -122,7 +149,79 @@ class MergeTool final : public Tool {
     report_written(session, output_, writer.report());
   }
 
- private:
+  void check_apply(const std::vector<std::string>& read) const {
+    if (inputs_.size() > 1) {
+      throw usage_error(fmt::format("--apply takes one map, the base, not {}", inputs_.size()),
+                        "several deltas are given by several --apply, in their order");
+    }
+    const std::pair<const char*, bool> given[] = {{"--rule", rule_.has_value()},
+                                                  {"--discount", !discounts_.empty()},
+                                                  {"--resolution", resolution_.has_value()},
+                                                  {"--regrid", options_.regrid},
+                                                  {"--assume-frame", options_.assume_frame_id.has_value()},
+                                                  {"--conflict-map", picture_path_.has_value()},
+                                                  {"--lossy", writing_.lossy != Lossy::kNone}};
+    for (const auto& [name, is_given] : given) {
+      if (!is_given) continue;
+      throw usage_error(fmt::format("{} does not go with --apply", name),
+                        "a delta leads to one map, cell by cell; merge or convert the result");
+    }
+    check_inputs(read);
+  }
+
+  using Sources = std::vector<std::unique_ptr<PatchSource>>;
+
+  /// The map that a delta, as a file or a stream, leads to. `held` keeps it and what it reads.
+  const PatchSource* apply_one(Session& session, const PatchSource& base, const ApplyNames& names,
+                               Sources& held, Json& told) const {
+    const std::string& path = names.delta;
+    try {
+      if (is_stream_input(path, head_of(path))) {
+        held.push_back(apply_stream(session, base, names, scratch_directory(output_.path), told));
+        return held.back().get();
+      }
+      held.push_back(std::make_unique<Reader>(path));
+      const PatchSource& delta = *held.back();
+      step_opened(session, path, delta);
+      held.push_back(std::make_unique<AppliedSource>(base, delta, names));
+    } catch (Error& e) {
+      throw e.at(path);
+    }
+    return held.back().get();
+  }
+
+  /// Brings the base from delta to delta.
+  void apply(Session& session) {
+    const Reader base(inputs_[0]);
+    step_opened(session, inputs_[0], base);
+    Json& result = session.result();
+    result["base"] = {{"path", inputs_[0]}, {"content_id", base.content_id()}};
+    result["deltas"] = Json::array();
+    Sources held;
+    const PatchSource* map = &base;
+    ApplyNames names{inputs_[0], {}};
+    for (const std::string& path : deltas_) {
+      names.delta = path;
+      Json told = {{"path", path}};
+      map = apply_one(session, *map, names, held, told);
+      told["result_content_id"] = map->content_id();
+      result["deltas"].push_back(std::move(told));
+      names.base = "the map before it";
+      session.check_cancelled();
+    }
+    MapHeader header = map->header();
+    writing_.apply(header, {});
+    if (output_.dry_run) return report_dry_run(session, output_);
+    Writer writer(output_.path, header, writing_.options(output_));
+    const CopyReport report =
+        copy(*map, header.types, writer, writing_.reencode(), session.run_options(heavy_, "applying"));
+    session.check_cancelled();
+    writer.finish();
+    result["layers_stored"] = report.layers_stored;
+    session.step(fmt::format("{} of {} layers copied as stored", report.layers_stored, report.layers));
+    report_written(session, output_, writer.report());
+  }
+
   void check_discounts() {
     alphas_.assign(inputs_.size(), {});
     for (const auto& [path, text] : parse_pairs("--discount", discounts_, true)) {
@@ -169,7 +268,7 @@ class MergeTool final : public Tool {
     write_png(compose(conflicts.rendering(frame), text), picture);
   }
 
-  std::vector<std::string> inputs_, discounts_;
+  std::vector<std::string> inputs_, discounts_, deltas_;
   std::vector<std::optional<float>> alphas_;  // by input
   std::optional<std::string> rule_, resolution_, picture_path_;
   MergeOptions options_;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/format/output_file.hpp"
 #include "apgm/format/reader.hpp"
 #include "apgm/ops/render.hpp"
@@ -12,6 +13,7 @@
 #include "tools/common/exit_code.hpp"
 #include "tools/common/options.hpp"
 #include "tools/common/picture.hpp"
+#include "tools/common/report.hpp"
 #include "tools/common/suggest.hpp"
 
 namespace apgm::tools {
@@ -91,6 +93,7 @@ class RenderTool final : public Tool {
 
   void run(Session& session) override {
     const Reader source(input_);
+    step_opened(session, input_, source);
     choose_layer(session, source);
     RunOptions run = session.run_options(heavy_, "drawing");
     if (run.max_memory_bytes > 0) {
@@ -114,38 +117,18 @@ class RenderTool final : public Tool {
   }
 
  private:
+  /// The library's budget is a part of --max-memory.
   Rendering draw(const Reader& source, const RunOptions& run) const {
     try {
       return render(source, options_, run);
     } catch (const Error& error) {
-      throw in_our_units(error, source);
+      const auto hint = budget_hint(error);
+      if (!hint) throw;
+      const std::uint64_t least = kCopies * hint->least_mebibytes;
+      throw over_budget(fmt::format("drawing takes up to {} MiB of memory, --max-memory allows {}", least,
+                                    size_text(heavy_.max_memory_bytes)),
+                        least << 20, "choose a larger --scale or a smaller --bbox");
     }
-  }
-
-  /// The library's budget is a part of --max-memory, and its limit is told in bytes.
-  Error in_our_units(const Error& error, const Reader& source) const {
-    if (error.code() != ErrorCode::kLimit || heavy_.max_memory_bytes == 0) return error;
-    const Summary summary = source.summary();
-    std::uint64_t layer_bytes = 0;
-    for (std::size_t step = 0; step < summary.types[options_.type].layers_at.size(); ++step) {
-      if (summary.types[options_.type].layers_at[step] == 0) continue;
-      layer_bytes = (std::uint64_t{1} << (2 * step)) * source.header().types[options_.type].channels.size() *
-                    sizeof(float);
-    }
-    unsigned long long picture = 0;
-    std::uint64_t need = heavy_.max_memory_bytes;
-    if (std::sscanf(error.what(), "the picture takes %llu bytes", &picture) == 1) {
-      need = kCopies * (picture + 2 * layer_bytes);
-    } else if (error.message().find("memory budget") != std::string::npos) {
-      need += kCopies * 2 * layer_bytes;
-    } else {
-      return error;
-    }
-    const std::uint64_t mebibytes = (need >> 20) + 1;
-    Error out(ErrorCode::kLimit, fmt::format("drawing takes up to {} MiB of memory, --max-memory allows {}",
-                                             mebibytes, size_text(heavy_.max_memory_bytes)));
-    out.hint(fmt::format("pass --max-memory {}MiB, a larger --scale or a smaller --bbox", mebibytes));
-    return out;
   }
 
   void choose_layer(Session& session, const Reader& source) {

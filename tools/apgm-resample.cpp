@@ -156,6 +156,7 @@ class ResampleTool final : public Tool {
     const Reader source(input_);
     step_opened(session, input_, source);
     if (profile_) apply_profile(session, source.header());
+    options_.max_memory_bytes = session.memory_left(heavy_);
     const ResamplePlan plan(source, options_);
     MapHeader header = plan.header();
     writing_.apply(header, {});

@@ -21,14 +21,17 @@ struct Verb {
   const char* name;
   const char* summary;
 };
-constexpr std::array<Verb, 8> kVerbs{{{"info", "say what an .apgm map holds"},
-                                      {"convert", "convert maps between .apgm and other formats"},
-                                      {"merge", "fuse maps into one"},
-                                      {"crop", "cut a region out of a map"},
-                                      {"resample", "bring a map to other cell sizes or another grid"},
-                                      {"map", "make a map of laser scans and point clouds"},
-                                      {"compare", "what a map or a drive costs in other layouts"},
-                                      {"render", "draw a map as a picture"}}};
+constexpr std::array<Verb, 11> kVerbs{{{"info", "say what an .apgm map holds"},
+                                       {"convert", "convert maps between .apgm and other formats"},
+                                       {"merge", "fuse maps into one"},
+                                       {"crop", "cut a region out of a map"},
+                                       {"diff", "tell what differs between two maps"},
+                                       {"resample", "bring a map to other cell sizes or another grid"},
+                                       {"map", "make a map of laser scans and point clouds"},
+                                       {"compare", "what a map or a drive costs in other layouts"},
+                                       {"verify", "check an .apgm file, save what is whole of a damaged one"},
+                                       {"archive", "keep the history of a map in one file"},
+                                       {"render", "draw a map as a picture"}}};
 
 std::string own_directory() {
   std::array<char, PATH_MAX> path;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "apgm/core/error.hpp"
+#include "apgm/core/working_memory.hpp"
 
 namespace apgm::converters {
 namespace {
@@ -47,6 +48,21 @@ int finest_step(const Summary& summary, std::span<const TypeId> chosen) {
     }
   }
   return kUsualStep;
+}
+
+std::uint64_t reading_bytes(const PatchSource& source, std::span<const TypeId> chosen, int step) {
+  const Summary summary = source.summary();
+  std::uint64_t native = 0, fitted = 0;
+  for (const TypeId type : chosen) {
+    const std::uint64_t cell = source.header().types[type].channels.size() * sizeof(float);
+    for (int s = kMaxStep; s >= 0; --s) {
+      if (summary.types[type].layers_at[static_cast<std::size_t>(s)] == 0) continue;
+      native = std::max(native, cell << (2 * s));
+      if (s != step) fitted = std::max(fitted, cell << (2 * std::max(s, step)));
+    }
+  }
+  constexpr std::uint64_t kCodec = 3;  // copies of the layer that decoding takes
+  return (1 + kCodec) * native + 2 * fitted + working_bytes(source, native);
 }
 
 void report_left_out(const PatchSource& source, std::span<const TypeId> chosen, const Findings& findings) {

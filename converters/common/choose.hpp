@@ -19,6 +19,9 @@ std::optional<TypeId> choose_occupancy(const PatchSource& source, const std::str
 /// Finest step of the chosen types' layers; 7 for a map without any.
 int finest_step(const Summary& summary, std::span<const TypeId> chosen);
 
+/// Most memory it takes to load layers of the chosen types and to bring them to `step`, one at a time.
+std::uint64_t reading_bytes(const PatchSource& source, std::span<const TypeId> chosen, int step);
+
 /// A kLoss finding for each type with layers that is not among the chosen.
 void report_left_out(const PatchSource& source, std::span<const TypeId> chosen, const Findings& findings);
 

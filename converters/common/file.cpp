@@ -5,8 +5,10 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <system_error>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/core/error.hpp"
 
 namespace apgm::converters {
@@ -39,6 +41,27 @@ std::string read_file(const std::string& path, std::uint64_t max_bytes) {
   in.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   if (static_cast<std::uintmax_t>(in.gcount()) != size) fail(path, "it ended while it was read");
   return bytes;
+}
+
+std::string read_file_within(const std::string& path, std::uint64_t max_memory_bytes, std::uint64_t beside) {
+  std::error_code error;
+  const std::uintmax_t size = std::filesystem::file_size(path, error);
+  if (!error) check_budget(max_memory_bytes, size + beside, "'" + path + "' is held in memory as a whole");
+  // A file that grows meanwhile meets the plain bound.
+  return read_file(path,
+                   max_memory_bytes != 0 ? max_memory_bytes : std::numeric_limits<std::uint64_t>::max());
+}
+
+void check_budget(std::uint64_t max_memory_bytes, std::uint64_t need, const std::string& what,
+                  const std::string& else_do) {
+  if (max_memory_bytes == 0 || need <= max_memory_bytes) return;
+  throw over_budget(what + ": that takes " + std::to_string((need >> 20) + 1) + " MiB, more than is allowed",
+                    need, else_do);
+}
+
+std::uint64_t budget_left(std::uint64_t max_memory_bytes, std::uint64_t used) {
+  if (max_memory_bytes == 0) return 0;
+  return used < max_memory_bytes ? max_memory_bytes - used : 1;
 }
 
 std::string extension_of(const std::string& path) {

@@ -11,6 +11,16 @@ namespace apgm::converters {
 /// @param max_bytes  larger files are refused before memory is taken
 /// @throws Error{kUnreadable} if it cannot be read or is no regular file, {kLimit} if it is too large
 std::string read_file(const std::string& path, std::uint64_t max_bytes);
+/// The same for a file that is held as a whole within a memory budget; 0: no bound.
+/// @param beside  bytes that are needed beside the file at least
+/// @throws over_budget() before memory is taken
+std::string read_file_within(const std::string& path, std::uint64_t max_memory_bytes,
+                             std::uint64_t beside = 0);
+/// Throws over_budget() if a bound is set that does not hold `need` bytes.
+void check_budget(std::uint64_t max_memory_bytes, std::uint64_t need, const std::string& what,
+                  const std::string& else_do = {});
+/// What is left of a bound; at least 1, and 0 where there is none.
+std::uint64_t budget_left(std::uint64_t max_memory_bytes, std::uint64_t used);
 
 /// The extension in lower case with its dot: ".bt"; empty if there is none.
 std::string extension_of(const std::string& path);

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "apgm/core/working_memory.hpp"
 #include "apgm/fuse/regrid.hpp"
 
 namespace apgm::converters {
@@ -50,16 +51,20 @@ std::optional<std::int64_t> cells_between(std::int64_t from_um, std::int64_t to_
 }
 
 /// A regridded source together with the one it reads.
-class OwningSource final : public PatchSource {
+class OwningSource final : public PatchSource, public WorkingMemory {
  public:
-  OwningSource(std::unique_ptr<PatchSource> native, const Frame& target, const RigidMotion& motion)
-      : native_(std::move(native)), seen_(regrid(*native_, target, motion)) {}
+  OwningSource(std::unique_ptr<PatchSource> native, const Frame& target, const RigidMotion& motion,
+               RegridBudget& budget)
+      : native_(std::move(native)), seen_(regrid(*native_, target, motion, {}, &budget)) {}
   const MapHeader& header() const override { return seen_->header(); }
   Summary summary() const override { return seen_->summary(); }
   std::unique_ptr<PatchCursor> patches(const std::optional<PatchRange>& range) const override {
     return seen_->patches(range);
   }
   void load(const LayerInfo& info, Layer& out) const override { seen_->load(info, out); }
+  std::uint64_t working_bytes(std::uint64_t layer_bytes) const override {
+    return apgm::working_bytes(*seen_, layer_bytes);
+  }
 
  private:
   std::unique_ptr<PatchSource> native_;
@@ -118,7 +123,8 @@ GridFit fit_grid(const ForeignGrid& grid, const SettingsReader& settings, const 
 }
 
 std::unique_ptr<PatchSource> place(std::unique_ptr<PatchSource> native, const ForeignGrid& grid,
-                                   const GridFit& fit, const Findings& findings) {
+                                   const GridFit& fit, const Findings& findings,
+                                   std::uint64_t max_memory_bytes) {
   if (!fit.target) return native;
   if (findings && native->summary().patches > 0) {
     findings({Finding::Kind::kLoss,
@@ -129,7 +135,8 @@ std::unique_ptr<PatchSource> place(std::unique_ptr<PatchSource> native, const Fo
   RigidMotion motion;
   motion.yaw_rad = grid.yaw_rad;
   motion.pivot_m = fit.native.datum_m();
-  return std::make_unique<OwningSource>(std::move(native), *fit.target, motion);
+  RegridBudget budget{max_memory_bytes};
+  return std::make_unique<OwningSource>(std::move(native), *fit.target, motion, budget);
 }
 
 }  // namespace apgm::converters

@@ -40,7 +40,9 @@ GridFit fit_grid(const ForeignGrid& grid, const SettingsReader& settings, const 
 
 /// `native` as it is, or regridded to `fit.target` by area weights; owns what it needs. Regridding
 /// cells is a kLoss finding.
+/// @param max_memory_bytes  what is left for the regridding to keep; 0: no bound
 std::unique_ptr<PatchSource> place(std::unique_ptr<PatchSource> native, const ForeignGrid& grid,
-                                   const GridFit& fit, const Findings& findings);
+                                   const GridFit& fit, const Findings& findings,
+                                   std::uint64_t max_memory_bytes = 0);
 
 }  // namespace apgm::converters

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "apgm/core/error.hpp"
+#include "converters/common/file.hpp"
 
 namespace apgm::converters {
 
@@ -79,8 +80,14 @@ void PatchMarks::mark(const PatchRange& part) {
   }
 }
 
-std::vector<PatchIndex> PatchMarks::marked() const {
+std::vector<PatchIndex> PatchMarks::marked(std::uint64_t max_memory_bytes) const {
+  const auto count = static_cast<std::size_t>(std::ranges::count(marks_, true));
+  // Each with its key while they are sorted.
+  constexpr std::uint64_t kBytesAPatch = sizeof(PatchIndex) + sizeof(std::pair<std::uint64_t, PatchIndex>);
+  check_budget(max_memory_bytes, count * kBytesAPatch, "the list of " + std::to_string(count) + " patches",
+               "set a larger edge_m");
   std::vector<PatchIndex> patches;
+  patches.reserve(count);
   for (std::size_t i = 0; i < marks_.size(); ++i) {
     if (!marks_[i]) continue;
     const auto at = static_cast<std::int64_t>(i);

@@ -37,7 +37,8 @@ class PatchMarks {
   explicit PatchMarks(const PatchRange& range);
   /// Marks all patches of `part`, which lies in the range.
   void mark(const PatchRange& part);
-  std::vector<PatchIndex> marked() const;
+  /// @param max_memory_bytes  what listing the patches may take; 0: no bound
+  std::vector<PatchIndex> marked(std::uint64_t max_memory_bytes = 0) const;
 
  private:
   PatchRange range_;

@@ -67,23 +67,33 @@ void check_layout_settings(const SettingsReader& settings) {
   settings.number("horizon_m", 0, 1e6);
 }
 
-std::unique_ptr<Layout> choose_layout(const SettingsReader& settings, const PatchSource& map) {
+std::unique_ptr<Layout> choose_layout(const SettingsReader& settings, const PatchSource& map,
+                                      std::uint64_t max_memory_bytes) {
   check_layout_settings(settings);
   const std::string name = settings.choice("layout", kLayouts).value_or("A");
   const Frame& frame = map.header().frame;
   CellSchema schema(map.header().types);
   const double cell_m = settings.number("cell_m").value_or(finest_cell_m(map));
+  const auto check = [&](double cells) {
+    // The cells, the same as layers, and as packed bytes.
+    const double bytes = 3 * cells * schema.values() * sizeof(float);
+    check_budget(max_memory_bytes, static_cast<std::uint64_t>(std::min(bytes, 1e18)),
+                 "a fixed layout is made in memory", "choose larger cells or crop the map");
+  };
   std::unique_ptr<Layout> layout;
-  if (const auto plan = settings.text("plan")) {
-    layout = make_nonuniform_grid(std::move(schema), frame, plan_from(*plan));
+  if (settings.has("plan") || name.size() == 1) {
+    NonUniformPlan plan = settings.has("plan") ? plan_from(*settings.text("plan")) : buerkle_preset(name);
+    check(static_cast<double>(plan.cells()));
+    layout = make_nonuniform_grid(std::move(schema), frame, std::move(plan));
   } else if (name == "moving") {
     const double half_m = settings.number("half_extent_m").value_or(kHalfExtent_m);
+    check(4 * half_m * half_m / (cell_m * cell_m));
     layout = make_moving_grid(std::move(schema), frame, cell_m, half_m);
-  } else if (const auto container = submap_container_from(name)) {
-    layout = make_submap_grid(std::move(schema), frame, cell_m, *container,
-                              settings.number("horizon_m").value_or(0));
   } else {
-    layout = make_nonuniform_grid(std::move(schema), frame, buerkle_preset(name));
+    const double per_side = frame.edge_m() / cell_m;
+    check(static_cast<double>(map.summary().patches) * per_side * per_side);
+    layout = make_submap_grid(std::move(schema), frame, cell_m, submap_container_from(name).value(),
+                              settings.number("horizon_m").value_or(0));
   }
   layout->move_to(vehicle_of(settings, map));
   return layout;

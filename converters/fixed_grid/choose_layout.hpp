@@ -12,7 +12,9 @@ std::vector<SettingSpec> layout_settings();
 void check_layout_settings(const SettingsReader& settings);
 /// The layout that the settings name, at the vehicle's place, without data.
 /// @param map  its types, its frame, and where settings are missing its middle and its finest cells
-std::unique_ptr<Layout> choose_layout(const SettingsReader& settings, const PatchSource& map);
+/// @throws over_budget() before cells are made, if they and what packs them do not fit; 0: no bound
+std::unique_ptr<Layout> choose_layout(const SettingsReader& settings, const PatchSource& map,
+                                      std::uint64_t max_memory_bytes = 0);
 /// Where the settings or the map's middle put the vehicle.
 Point vehicle_of(const SettingsReader& settings, const PatchSource& map);
 

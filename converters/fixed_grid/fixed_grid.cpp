@@ -1,5 +1,6 @@
 #include "converters/fixed_grid/fixed_grid.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 
@@ -103,8 +104,10 @@ class FixedGridConverter final : public Converter {
   std::unique_ptr<PatchSource> open(const ReadRequest& request) const override {
     const SettingsReader settings(*this, request.settings, Use::kReading);
     return naming(request.path, [&] {
-      const std::string bytes = read_file(request.path, kMaxFileBytes);
-      const auto layout = decode_layout(std::as_bytes(std::span(bytes)), request.max_memory_bytes);
+      const std::uint64_t budget = request.max_memory_bytes;
+      const std::string bytes =
+          read_file(request.path, budget == 0 ? kMaxFileBytes : std::min(budget, kMaxFileBytes));
+      const auto layout = decode_layout(std::as_bytes(std::span(bytes)), budget_left(budget, bytes.size()));
       auto map = std::make_unique<Map>(to_map(*layout, frame_of(settings, layout->frame())));
       report_split(*layout, *map, request.findings);
       return map;
@@ -123,7 +126,7 @@ class FixedGridConverter final : public Converter {
   static void write_all(const PatchSource& map, const WriteRequest& request, const SettingsReader& settings) {
     if (const auto plan = settings.text("plan")) check_not_an_input(request.path, std::array{*plan});
     OutputFile file(request.path, request.output);
-    const auto layout = choose_layout(settings, map);
+    const auto layout = choose_layout(settings, map, request.run.max_memory_bytes);
     fill(*layout, map);
     // Sub-maps beyond the horizon were made to be filled.
     if (settings.has("horizon_m")) layout->move_to(vehicle_of(settings, map));

@@ -21,6 +21,7 @@ namespace fbs = apgm::fixed_grid::fbs;
 constexpr std::uint16_t kVersion = 1;
 constexpr std::uint64_t kDefaultMaxBytes = std::uint64_t{4} << 30;
 constexpr std::size_t kLengthBytes = 4;
+constexpr std::size_t kMostDescriptionBytes = std::size_t{1} << 30;
 constexpr const char* kChecksumKey = "fixed_grid.xxh3";
 
 std::int64_t um(double metres) { return std::llrint(metres * 1e6); }
@@ -160,7 +161,7 @@ std::vector<std::byte> encode_layout(const Layout& layout, int level) {
   }
   std::memcpy(bytes.data() + kFixedGridMagic.size() + kLengthBytes, description.data(), description.size());
 
-  const Map cells = Raster(layout.describe()).from_layout(layout);
+  const Map cells = LayoutRaster(layout.describe()).from_layout(layout);
   MapHeader header = cells.header();
   header.metadata[kChecksumKey] = checksum_of(bytes);
   Map sealed(header);
@@ -183,7 +184,9 @@ std::unique_ptr<Layout> decode_layout(std::span<const std::byte> bytes, std::uin
   for (std::size_t i = 0; i < kLengthBytes; ++i) {
     length |= static_cast<std::size_t>(bytes[kFixedGridMagic.size() + i]) << (8 * i);
   }
-  if (length > bytes.size() - kHead) fail_damaged("the file ends within its description");
+  if (length == 0 || length > bytes.size() - kHead) fail_damaged("the file ends within its description");
+  // A verifier takes no more than 2 GiB.
+  if (length > kMostDescriptionBytes) fail_damaged("the description of the layout is too long");
   // FlatBuffers wants its start aligned.
   std::vector<std::uint64_t> aligned((length + 7) / 8);
   std::memcpy(aligned.data(), bytes.data() + kHead, length);
@@ -204,7 +207,7 @@ std::unique_ptr<Layout> decode_layout(std::span<const std::byte> bytes, std::uin
   }
   try {
     auto layout = empty_layout(in, cells.header().types, max_bytes);
-    Raster(layout->describe()).to_layout(cells, *layout);
+    LayoutRaster(layout->describe()).to_layout(cells, *layout);
     return layout;
   } catch (const Error& error) {
     // A file has no arguments: what they could not be is damage.

@@ -15,7 +15,7 @@ std::int64_t um(double metres) { return std::llrint(metres * 1e6); }
 
 }  // namespace
 
-Raster::Raster(const LayoutDescription& layout) : frame_(layout.frame) {
+LayoutRaster::LayoutRaster(const LayoutDescription& layout) : frame_(layout.frame) {
   if (!layout.moves()) {
     step_ = 0;
     while (um(layout.cell_m) << step_ < frame_.edge_um) ++step_;
@@ -32,14 +32,14 @@ Raster::Raster(const LayoutDescription& layout) : frame_(layout.frame) {
   }
 }
 
-MapHeader Raster::header(const TypeTable& types) const {
+MapHeader LayoutRaster::header(const TypeTable& types) const {
   MapHeader header;
   header.frame = {};
   header.types = types;
   return header;
 }
 
-void Raster::visit_parts(const CellBlock& block, const std::function<void(const Part&)>& visit) const {
+void LayoutRaster::visit_parts(const CellBlock& block, const std::function<void(const Part&)>& visit) const {
   std::int64_t column = 0, row = 0;  // of the raster
   if (rectangles_.empty()) {
     column = floor_div(block.x_um - frame_.datum_x_um, frame_.edge_um) << step_;
@@ -68,7 +68,7 @@ void Raster::visit_parts(const CellBlock& block, const std::function<void(const 
   }
 }
 
-Map Raster::from_layout(const Layout& layout) const {
+Map LayoutRaster::from_layout(const Layout& layout) const {
   const CellSchema& schema = layout.schema();
   Map map(header(schema.types()));
   layout.for_each_block([&](const CellBlock& block) {
@@ -90,7 +90,7 @@ Map Raster::from_layout(const Layout& layout) const {
   return map;
 }
 
-void Raster::to_layout(const Map& map, Layout& layout) const {
+void LayoutRaster::to_layout(const Map& map, Layout& layout) const {
   const CellSchema& schema = layout.schema();
   std::vector<Area> areas;
   std::set<PatchIndex> seen;

@@ -9,9 +9,9 @@ namespace apgm::converters {
 
 /// The cells of a layout as a map whose coordinates are cell numbers: rectangles one above the other in
 /// patches of 128 x 128 cells, each from a new row of patches on; sub-maps as patches of their index.
-class Raster {
+class LayoutRaster {
  public:
-  explicit Raster(const LayoutDescription& layout);
+  explicit LayoutRaster(const LayoutDescription& layout);
 
   /// Of a map for the cells; its lengths mean nothing.
   MapHeader header(const TypeTable& types) const;

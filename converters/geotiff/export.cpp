@@ -9,6 +9,7 @@
 
 #include "apgm/fuse/resample.hpp"
 #include "converters/common/choose.hpp"
+#include "converters/common/file.hpp"
 #include "converters/geotiff/legend_file.hpp"
 #include "converters/geotiff/tags.hpp"
 #include "converters/geotiff/tiff_file.hpp"
@@ -263,6 +264,29 @@ void report(const TileWriter& tiles, const Painter& painter, int step, const Fin
   loss(painter.without_number, " cells that are known to hold no number become cells without data");
 }
 
+/// A unit of tiles and patches is put together in memory, with GDAL's cache and its list of tiles beside it.
+void check_memory(const PatchSource& source, const std::vector<TypeId>& chosen, const MapTags& tags,
+                  const TileGrid& grid, std::uint64_t max_memory_bytes) {
+  if (max_memory_bytes == 0) return;
+  const std::uint64_t bands = tags.classes ? 1 : tags.type.channels.size();
+  const auto unit = static_cast<std::uint64_t>(grid.unit), tile = static_cast<std::uint64_t>(grid.tile);
+  const auto tiles = [&](std::int64_t pixels) {
+    return (static_cast<std::uint64_t>(pixels) + tile - 1) / tile;
+  };
+  constexpr std::uint64_t kTileCopies = 4;  // as cut out, in the cache, predicted and compressed
+  constexpr std::uint64_t kListBytes = 48;  // of a tile: place and size, as read and as written
+  const std::uint64_t fixed = unit * unit * bands * sizeof(float) +
+                              kTileCopies * tile * tile * sizeof(float) +
+                              tiles(grid.width) * tiles(grid.height) * bands * kListBytes +
+                              static_cast<std::uint64_t>(grid.width / grid.unit + 1) * sizeof(LayerInfo) * 2 +
+                              reading_bytes(source, chosen, tags.step);
+  // The cache takes a quarter of the budget.
+  const std::uint64_t cache = CacheShare::of(max_memory_bytes);
+  if (fixed + cache <= max_memory_bytes) return;
+  check_budget(max_memory_bytes, std::min(fixed + fixed / 3, fixed + CacheShare::of(0)) + CacheShare::of(1),
+               "a GeoTIFF is put together tiles and patches at a time", "set a smaller step");
+}
+
 bool wants_classes(const SettingsReader& settings) { return settings.choice("mode", kModes) == "classes"; }
 
 }  // namespace
@@ -315,6 +339,7 @@ void export_raster(const PatchSource& source, const WriteRequest& request, const
   std::optional<OutputFile> legend;
   if (tags.classes) legend.emplace(legend_file_of(request.path), request.output);
   const TileGrid grid = TileGrid::of(source, *type, tags.step, request.run);
+  check_memory(source, chosen, tags, grid, request.run.max_memory_bytes);
   TiffFile file(request.path, layout_of(grid, tags, settings), tags.frame, request.run.findings,
                 request.run.max_memory_bytes);
   Painter painter(tags.type, tags.classes, tags.class_mass);

@@ -70,6 +70,10 @@ CacheShare::CacheShare(std::uint64_t max_memory_bytes) : bytes_(share_of(max_mem
   shares.apply();
 }
 
+std::uint64_t CacheShare::of(std::uint64_t max_memory_bytes) {
+  return static_cast<std::uint64_t>(share_of(max_memory_bytes));
+}
+
 CacheShare::~CacheShare() {
   CacheShares& shares = cache_shares();
   const std::scoped_lock lock(shares.mutex);

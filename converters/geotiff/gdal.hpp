@@ -45,6 +45,8 @@ class CacheShare {
   CacheShare& operator=(const CacheShare&) = delete;
 
   std::int64_t bytes() const { return bytes_; }
+  /// Of a budget.
+  static std::uint64_t of(std::uint64_t max_memory_bytes);
 
  private:
   std::int64_t bytes_;

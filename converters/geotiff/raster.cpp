@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <limits>
 
+#include "converters/common/file.hpp"
 #include "converters/common/settings.hpp"
 
 namespace apgm::converters {
@@ -145,6 +146,7 @@ void Raster::take_band(int number) {
   check_block(number, bytes * block_x * block_y);
   pixel_bytes_ += bytes;
   block_rows_ = std::max<std::int64_t>(block_rows_, block_y);
+  block_columns_ = std::max<std::int64_t>(block_columns_, block_x);
   RasterBand band;
   band.description = text_of(GDALGetDescription(handle));
   band.integer = GDALDataTypeIsInteger(type) != 0;
@@ -168,13 +170,9 @@ void Raster::check_block(int number, std::int64_t bytes) const {
   constexpr std::uint64_t kCopies = 3;  // as stored, decoded, in the cache
   const std::uint64_t need =
       kCopies * static_cast<std::uint64_t>(bytes) * static_cast<std::uint64_t>(together);
-  if (need <= max_memory_bytes_) return;
-  constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
-  throw Error(ErrorCode::kLimit, "a block of band " + std::to_string(number) + " of '" + path_ + "' takes " +
-                                     std::to_string((need + kMiB - 1) / kMiB) +
-                                     " MiB to decode, more than memory is given")
-      .hint("raise --max-memory; gdal_translate -co TILED=YES makes smaller blocks")
-      .at(path_);
+  check_budget(max_memory_bytes_, need,
+               "a block of band " + std::to_string(number) + " of '" + path_ + "' is decoded as a whole",
+               "make smaller blocks with gdal_translate -co TILED=YES");
 }
 
 std::int64_t Raster::rows_at_a_time(std::int64_t columns, std::size_t bands, double share) const {
@@ -186,6 +184,13 @@ std::int64_t Raster::rows_at_a_time(std::int64_t columns, std::size_t bands, dou
   const std::int64_t cached = std::max(block_rows_, cache_.bytes() / (width_ * pixel_bytes_));
   const double rows = std::min(bytes / std::max(row, 1.0), static_cast<double>(std::min(cached, kMostRows)));
   return std::max<std::int64_t>(static_cast<std::int64_t>(rows), 1);
+}
+
+std::int64_t Raster::columns_at_a_time(std::int64_t most) const {
+  if (max_memory_bytes_ == 0) return most;
+  // A window that is not on blocks touches one more.
+  const std::int64_t cached = cache_.bytes() / (block_rows_ * pixel_bytes_) - block_columns_;
+  return std::min(std::max({cached, block_columns_, std::int64_t{1}}), std::max(most, block_columns_));
 }
 
 std::int64_t Raster::first_row(const Window& window) const {

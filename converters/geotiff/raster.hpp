@@ -59,6 +59,12 @@ class Raster {
   /// holds over the raster's whole width: from 1 to 256.
   std::int64_t rows_at_a_time(std::int64_t columns, std::size_t bands, double share) const;
 
+  /// Columns of a window whose blocks GDAL's cache holds in one row of them: up to `most`, or
+  /// the columns of a block; `most` without a budget.
+  std::int64_t columns_at_a_time(std::int64_t most) const;
+  /// Rows of the highest blocks.
+  std::int64_t block_rows() const { return block_rows_; }
+
   /// True if the file holds no pixel of the window in any band, and says that this means no data.
   bool is_absent(const Window& window) const;
   /// Values of a band (from 0), the southern row first; NaN where there is no data; scaled.
@@ -83,6 +89,7 @@ class Raster {
   std::int64_t width_ = 0, height_ = 0;
   std::int64_t pixel_bytes_ = 0;  // over all bands, in the cache
   std::int64_t block_rows_ = 1;   // of the highest blocks
+  std::int64_t block_columns_ = 1;
   std::vector<RasterBand> bands_;
   RasterCrs crs_;
   std::map<std::string, std::string> tags_;

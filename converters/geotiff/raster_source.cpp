@@ -5,6 +5,11 @@
 #include "apgm/core/error.hpp"
 
 namespace apgm::converters {
+namespace {
+
+constexpr double kLoadShare = 1.0 / 64;  // of the budget; many threads load at a time
+
+}  // namespace
 
 /// A window of pixels in memory, and the rule that reads them.
 class RasterSource::Pixels {
@@ -56,32 +61,38 @@ RasterSource::RasterSource(RasterPlan plan) : plan_(std::move(plan)) {
 void RasterSource::scan() {
   const std::int64_t width = plan_.raster->width(), height = plan_.raster->height();
   PatchMarks marks({plan_.fit.cell_at(0, 0).patch, plan_.fit.cell_at(width - 1, height - 1).patch});
-  constexpr std::int64_t kColumns = 2048;
   constexpr double kShare = 1.0 / 8;  // of the budget
+  const std::int64_t most_columns = std::min(plan_.raster->columns_at_a_time(2048), width);
   const std::int64_t most_rows =
-      plan_.raster->rows_at_a_time(std::min(kColumns, width), plan_.rule->bands().size(), kShare);
+      plan_.raster->rows_at_a_time(most_columns, plan_.rule->bands().size(), kShare);
+  const std::int64_t band = std::max(most_rows, plan_.raster->block_rows());
   Pixels pixels(plan_);
-  // From the top, in whole rows of blocks, as the file most likely lies.
-  for (std::int64_t top = 0; top < height; top += most_rows) {
-    const std::int64_t rows = std::min(most_rows, height - top), y0 = height - top - rows;
-    for (std::int64_t x0 = 0; x0 < width; x0 += kColumns) {
-      const Window window{x0, y0, std::min(kColumns, width - x0), rows};
-      if (plan_.raster->is_absent(window)) continue;
-      pixels.read(window);
-      for (std::int64_t y = rows - 1; y >= 0; --y) {
-        for (std::int64_t x = 0; x < window.width;) {
-          // As far as the row lies in one patch.
-          const Frame::Cell at = plan_.fit.cell_at(x0 + x, y0 + y);
-          const std::int64_t end =
-              std::min(x + (std::int64_t{1} << plan_.fit.step) - at.cell.a, window.width);
-          bool known = false;
-          for (; x < end; ++x) known |= pixels.cell(x, y, tally_) != nullptr;
-          if (known) marks.mark({at.patch, at.patch});
-        }
+  // From the top, as the file most likely lies. Windows that share blocks follow each other: no block is
+  // decoded again and again.
+  for (std::int64_t top = 0; top < height; top += band) {
+    for (std::int64_t x0 = 0; x0 < width; x0 += most_columns) {
+      for (std::int64_t y = top; y < std::min(top + band, height); y += most_rows) {
+        const std::int64_t rows = std::min({most_rows, top + band - y, height - y});
+        const Window window{x0, height - y - rows, std::min(most_columns, width - x0), rows};
+        if (!plan_.raster->is_absent(window)) scan(window, pixels, marks);
       }
     }
   }
   list(marks.marked());
+}
+
+void RasterSource::scan(const Window& window, Pixels& pixels, PatchMarks& marks) {
+  pixels.read(window);
+  for (std::int64_t y = window.height - 1; y >= 0; --y) {
+    for (std::int64_t x = 0; x < window.width;) {
+      // As far as the row lies in one patch.
+      const Frame::Cell at = plan_.fit.cell_at(window.x + x, window.y + y);
+      const std::int64_t end = std::min(x + (std::int64_t{1} << plan_.fit.step) - at.cell.a, window.width);
+      bool known = false;
+      for (; x < end; ++x) known |= pixels.cell(x, y, tally_) != nullptr;
+      if (known) marks.mark({at.patch, at.patch});
+    }
+  }
 }
 
 void RasterSource::layers_of(PatchIndex patch, std::vector<LayerInfo>& out) const {
@@ -91,6 +102,14 @@ void RasterSource::layers_of(PatchIndex patch, std::vector<LayerInfo>& out) cons
   const auto stamp = plan_.stamps_ns.find(patch);
   if (stamp != plan_.stamps_ns.end()) info.stamp_ns = stamp->second;
   out.push_back(info);
+}
+
+/// The pixels that are read at a time.
+std::uint64_t RasterSource::working_bytes(std::uint64_t /*layer_bytes*/) const {
+  const std::int64_t side = std::int64_t{1} << plan_.fit.step;
+  const std::size_t bands = plan_.rule->bands().size();
+  const std::int64_t rows = std::min(plan_.raster->rows_at_a_time(side, bands, kLoadShare), side);
+  return static_cast<std::uint64_t>(rows * side) * bands * sizeof(double);
 }
 
 void RasterSource::load(const LayerInfo& info, Layer& out) const {
@@ -103,9 +122,8 @@ void RasterSource::load(const LayerInfo& info, Layer& out) const {
   const Window window{left, low, std::min(x0 + side, plan_.raster->width()) - left,
                       std::min(y0 + side, plan_.raster->height()) - low};
   if (window.width <= 0 || window.height <= 0 || plan_.raster->is_absent(window)) return;
-  constexpr double kShare = 1.0 / 64;  // of the budget; many threads load at a time
   const std::int64_t most_rows =
-      plan_.raster->rows_at_a_time(window.width, plan_.rule->bands().size(), kShare);
+      plan_.raster->rows_at_a_time(window.width, plan_.rule->bands().size(), kLoadShare);
   Pixels pixels(plan_);
   RasterTally counted_before;
   for (std::int64_t y = 0; y < window.height; ++y) {

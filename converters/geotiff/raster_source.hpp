@@ -3,6 +3,7 @@
 #include <functional>
 #include <memory>
 
+#include "apgm/core/working_memory.hpp"
 #include "converters/common/grid_fit.hpp"
 #include "converters/common/listed_source.hpp"
 #include "converters/geotiff/cell_rule.hpp"
@@ -21,17 +22,19 @@ struct RasterPlan {
 
 /// A raster seen as patches of one layer. Every pixel is read and checked once when it is made; the cells of
 /// a patch are read again when they are loaded, so memory holds no more than GDAL's cache and a patch.
-class RasterSource final : public ListedSource {
+class RasterSource final : public ListedSource, public WorkingMemory {
  public:
   /// @throws Error{kDamaged} that names band and pixel of the first invalid cell, {kLimit} as PatchMarks
   explicit RasterSource(RasterPlan plan);
   void load(const LayerInfo& info, Layer& out) const override;
+  std::uint64_t working_bytes(std::uint64_t layer_bytes) const override;
   const RasterTally& tally() const { return tally_; }
 
  private:
   class Pixels;
   void layers_of(PatchIndex patch, std::vector<LayerInfo>& out) const override;
   void scan();
+  void scan(const Window& window, Pixels& pixels, PatchMarks& marks);
 
   RasterPlan plan_;
   RasterTally tally_;

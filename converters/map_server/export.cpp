@@ -93,8 +93,9 @@ class Valuer {
 
 /// Calls visit(CellBox, Masses) for each known cell of a type; the box counts cells of `step`.
 template <class Visit>
-void visit_cells(const PatchSource& source, TypeId type, int step, const RunOptions& run, Visit visit) {
-  const auto cursor = source.patches();
+void visit_cells(const PatchSource& source, TypeId type, int step, const std::optional<PatchRange>& range,
+                 const RunOptions& run, Visit visit) {
+  const auto cursor = source.patches(range);
   PatchInfo patch;
   Layer layer;
   while (cursor->next(patch)) {
@@ -143,7 +144,7 @@ std::optional<CellBox> imported_extent(const MapHeader& header, int step) {
 
 CellBox extent_of(const PatchSource& source, std::optional<TypeId> type, int step, const RunOptions& run) {
   CellBox known;
-  if (type) visit_cells(source, *type, step, run, [&](const CellBox& cell, Masses) { known.add(cell); });
+  if (type) visit_cells(source, *type, step, {}, run, [&](const CellBox& cell, Masses) { known.add(cell); });
   const auto imported = imported_extent(source.header(), step);
   if (imported && imported->holds(known)) return *imported;
   if (!known.empty()) return known;
@@ -152,40 +153,80 @@ CellBox extent_of(const PatchSource& source, std::optional<TypeId> type, int ste
   return {0, 0, 1, 1};
 }
 
-CellRaster paint(const PatchSource& source, std::optional<TypeId> type, int step, const CellBox& extent,
-                 Valuer& valuer, const RunOptions& run) {
-  const std::int64_t width = extent.x1 - extent.x0, height = extent.y1 - extent.y0;
-  check_pixels(width, height);
-  CellRaster raster{width, height,
-                    std::vector<GridValue>(static_cast<std::size_t>(width * height), kUnknown)};
-  if (!type) return raster;
-  visit_cells(source, *type, step, run, [&](const CellBox& cell, Masses masses) {
-    const GridValue value = valuer(masses);
-    for (std::int64_t y = cell.y0; y < cell.y1; ++y) {
-      const auto row = raster.values.begin() + (height - 1 - (y - extent.y0)) * width - extent.x0;
-      std::fill(row + cell.x0, row + cell.x1, value);
-    }
-  });
-  return raster;
-}
+/// Rows of a picture, made from the top a row of patches at a time.
+class BandPainter {
+ public:
+  /// @throws over_budget() if `run` does not allow a row of patches
+  BandPainter(const PatchSource& source, std::optional<TypeId> type, int step, const CellBox& extent,
+              Valuer& valuer, const RunOptions& run)
+      : source_(source), type_(type), step_(step), extent_(extent), valuer_(valuer), run_(run) {
+    check_pixels(width(), height());
+    std::vector<TypeId> chosen;
+    if (type) chosen.push_back(*type);
+    const auto band = static_cast<std::uint64_t>(width() * std::min(height(), std::int64_t{1} << step));
+    check_budget(run.max_memory_bytes, band + reading_bytes(source, chosen, step),
+                 "a picture is painted a row of patches at a time", "crop the map, or resample it");
+  }
 
-void write_pgm(OutputFile& file, const CellRaster& raster, const GreyTable& greys) {
-  file.write("P5\n" + std::to_string(raster.width) + " " + std::to_string(raster.height) + "\n255\n");
-  std::vector<std::byte> row(static_cast<std::size_t>(raster.width));
-  for (std::int64_t y = 0; y < raster.height; ++y) {
-    const auto from = raster.values.begin() + y * raster.width;
-    std::transform(from, from + raster.width, row.begin(),
-                   [&](GridValue v) { return std::byte{greys.of(v)}; });
+  std::int64_t width() const { return extent_.x1 - extent_.x0; }
+  std::int64_t height() const { return extent_.y1 - extent_.y0; }
+
+  /// Row `y` from the top; rows are asked for in their order.
+  std::span<const GridValue> row(std::int64_t y) {
+    const std::int64_t cell = extent_.y1 - 1 - y;
+    if (band_.empty() || cell < low_) paint(cell);
+    return std::span(band_).subspan(static_cast<std::size_t>((high_ - 1 - cell) * width()),
+                                    static_cast<std::size_t>(width()));
+  }
+
+ private:
+  /// The patches that hold cells of row `cell`, as far as they lie in the picture.
+  void paint(std::int64_t cell) {
+    const std::int64_t patch = cell >> step_;
+    low_ = std::max(extent_.y0, patch << step_);
+    high_ = std::min(extent_.y1, (patch + 1) << step_);
+    band_.assign(static_cast<std::size_t>((high_ - low_) * width()), kUnknown);
+    if (!type_) return;
+    // A picture may reach beyond all patches.
+    const auto index = [&](std::int64_t c) {
+      using Limits = std::numeric_limits<std::int32_t>;
+      return static_cast<std::int32_t>(std::clamp<std::int64_t>(c >> step_, Limits::min(), Limits::max()));
+    };
+    const PatchRange range{{index(extent_.x0), index(cell)}, {index(extent_.x1 - 1), index(cell)}};
+    visit_cells(source_, *type_, step_, range, run_, [&](const CellBox& at, Masses masses) {
+      const GridValue value = valuer_(masses);
+      for (std::int64_t y = at.y0; y < at.y1; ++y) {
+        const auto row = band_.begin() + (high_ - 1 - y) * width() - extent_.x0;
+        std::fill(row + at.x0, row + at.x1, value);
+      }
+    });
+  }
+
+  const PatchSource& source_;
+  std::optional<TypeId> type_;
+  int step_;
+  CellBox extent_;
+  Valuer& valuer_;
+  const RunOptions& run_;
+  std::int64_t low_ = 0, high_ = 0;  // rows of cells in the band
+  std::vector<GridValue> band_;      // the top row first
+};
+
+void write_pgm(OutputFile& file, BandPainter& painter, const GreyTable& greys) {
+  file.write("P5\n" + std::to_string(painter.width()) + " " + std::to_string(painter.height()) + "\n255\n");
+  std::vector<std::byte> row(static_cast<std::size_t>(painter.width()));
+  for (std::int64_t y = 0; y < painter.height(); ++y) {
+    std::ranges::transform(painter.row(y), row.begin(), [&](GridValue v) { return std::byte{greys.of(v)}; });
     file.write(row);
   }
 }
 
-void write_raster_png(OutputFile& file, const CellRaster& raster, const GreyTable& greys, bool alpha) {
-  write_png(file, raster.width, raster.height, alpha, [&](std::int64_t y, std::span<std::uint8_t> row) {
-    auto value = raster.values.begin() + y * raster.width;
-    for (std::size_t i = 0; i < row.size(); ++value) {
-      row[i++] = greys.of(*value);
-      if (alpha) row[i++] = *value == kUnknown ? 0 : 255;
+void write_raster_png(OutputFile& file, BandPainter& painter, const GreyTable& greys, bool alpha) {
+  write_png(file, painter.width(), painter.height(), alpha, [&](std::int64_t y, std::span<std::uint8_t> row) {
+    std::size_t i = 0;
+    for (const GridValue value : painter.row(y)) {
+      row[i++] = greys.of(value);
+      if (alpha) row[i++] = value == kUnknown ? 0 : 255;
     }
   });
 }
@@ -283,11 +324,11 @@ void export_map(const PatchSource& source, const WriteRequest& request, const Se
 
   const CellBox extent = extent_of(source, type, step, request.run);
   Valuer valuer(source.header(), rule);
-  const CellRaster raster = paint(source, type, step, extent, valuer, request.run);
+  BandPainter painter(source, type, step, extent, valuer, request.run);
   if (plan.png) {
-    write_raster_png(picture, raster, greys, rule.mode == MapMode::kScale);
+    write_raster_png(picture, painter, greys, rule.mode == MapMode::kScale);
   } else {
-    write_pgm(picture, raster, greys);
+    write_pgm(picture, painter, greys);
   }
   MapYaml map = yaml_of(source.header().frame, step, extent, rule);
   map.image = plan.picture.filename().string();

@@ -77,7 +77,7 @@ std::unique_ptr<PatchSource> import_map(const ReadRequest& request, const Settin
   const std::string picture = image_path(request.path, map.image);
   CellRaster cells;
   try {
-    cells = read_cells(picture, map.rule);
+    cells = read_cells(picture, map.rule, request.max_memory_bytes);
   } catch (Error& error) {
     const bool missing = error.code() == ErrorCode::kUnreadable;
     throw Error(error.code(),
@@ -86,12 +86,13 @@ std::unique_ptr<PatchSource> import_map(const ReadRequest& request, const Settin
         .at(printable(picture), error.offset_bytes());
   }
   report_even(cells, map.rule.mode, request.findings);
+  const std::uint64_t left = budget_left(request.max_memory_bytes, cells.values.size());
   auto metadata = metadata_of(map, cells, fit, occupied_mass, free_mass);
   auto native = naming(request.path, [&] {
     return std::make_unique<PictureSource>(std::move(cells), beliefs_of(map.rule, occupied_mass, free_mass),
-                                           fit, std::move(metadata));
+                                           fit, std::move(metadata), left);
   });
-  return place(std::move(native), grid, fit, request.findings);
+  return place(std::move(native), grid, fit, request.findings, left);
 }
 
 }  // namespace apgm::converters

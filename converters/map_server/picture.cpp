@@ -1,7 +1,5 @@
 #include "converters/map_server/picture.hpp"
 
-#include <limits>
-
 #include "apgm/core/error.hpp"
 #include "converters/common/file.hpp"
 
@@ -14,8 +12,8 @@ void check_pixels(std::int64_t width, std::int64_t height) {
       .hint("crop it");
 }
 
-void read_picture(const std::string& path, const PictureSink& sink) {
-  const std::string bytes = read_file(path, std::numeric_limits<std::uint64_t>::max());
+void read_picture(const std::string& path, const PictureSink& sink, std::uint64_t max_memory_bytes) {
+  const std::string bytes = read_file_within(path, max_memory_bytes);
   const std::string_view head = std::string_view(bytes).substr(0, 8);
   naming(path, [&] {
     if (bytes.empty()) throw Error(ErrorCode::kDamaged, "the picture is empty");

@@ -2,13 +2,19 @@
 
 #include <algorithm>
 
+#include "converters/common/file.hpp"
+
 namespace apgm::converters {
 
-CellRaster read_cells(const std::string& path, const CellRule& rule) {
+CellRaster read_cells(const std::string& path, const CellRule& rule, std::uint64_t max_memory_bytes) {
   CellRaster cells;
   bool has_alpha = false;
   PictureSink sink;
-  sink.begin = [&](const PictureInfo& info) {
+  sink.begin = [&](const PictureInfo& info, std::uint64_t file_bytes) {
+    const auto pixels = static_cast<std::uint64_t>(info.width) * static_cast<std::uint64_t>(info.height);
+    check_budget(max_memory_bytes, file_bytes + pixels + info.decoding_bytes,
+                 "a picture is held in memory as a whole", "cut it into smaller maps");
+    if (max_memory_bytes != 0) cells.values.reserve(pixels);
     cells.width = info.width;
     cells.height = info.height;
     has_alpha = info.has_alpha;
@@ -16,12 +22,12 @@ CellRaster read_cells(const std::string& path, const CellRule& rule) {
   sink.row = [&](std::span<const Pixel> row) {
     for (const Pixel& pixel : row) cells.values.push_back(rule.value_of(pixel, has_alpha));
   };
-  read_picture(path, sink);
+  read_picture(path, sink, max_memory_bytes);
   return cells;
 }
 
 PictureSource::PictureSource(CellRaster cells, const BeliefTable& beliefs, const GridFit& fit,
-                             std::map<std::string, std::string> metadata)
+                             std::map<std::string, std::string> metadata, std::uint64_t max_memory_bytes)
     : cells_(std::move(cells)), beliefs_(beliefs), fit_(fit) {
   header_.frame = fit.native;
   header_.types = TypeTable({LayerType::occupancy()});
@@ -34,7 +40,7 @@ PictureSource::PictureSource(CellRaster cells, const BeliefTable& beliefs, const
       marks.mark({patch, patch});
     }
   }
-  list(marks.marked());
+  list(marks.marked(max_memory_bytes));
 }
 
 void PictureSource::layers_of(PatchIndex patch, std::vector<LayerInfo>& out) const {

@@ -21,8 +21,10 @@ struct CellRaster {
   }
 };
 
-/// Reads a picture by the map's rule. @throws Error as read_picture
-CellRaster read_cells(const std::string& path, const CellRule& rule);
+/// Reads a picture by the map's rule.
+/// @param max_memory_bytes  bound of the file, the cells and what decoding takes; 0: none
+/// @throws Error as read_picture; over_budget()
+CellRaster read_cells(const std::string& path, const CellRule& rule, std::uint64_t max_memory_bytes = 0);
 
 /// Belief of each value: [value + 1], so that unknown comes first.
 using BeliefTable = std::array<Masses, 102>;
@@ -30,8 +32,9 @@ using BeliefTable = std::array<Masses, 102>;
 /// A picture seen as patches of one layer `occupancy`. Cell (0, 0) is the picture's lower-left pixel.
 class PictureSource final : public ListedSource {
  public:
+  /// @param max_memory_bytes  what the list of patches may take; 0: no bound
   PictureSource(CellRaster cells, const BeliefTable& beliefs, const GridFit& fit,
-                std::map<std::string, std::string> metadata);
+                std::map<std::string, std::string> metadata, std::uint64_t max_memory_bytes = 0);
   void load(const LayerInfo& info, Layer& out) const override;
 
  private:

@@ -151,7 +151,11 @@ void read_png(std::string_view bytes, const PictureSink& sink) {
   if (layout.stored_row_bytes > bytes.size() * kMaxDeflateRatio / height + kMaxDeflateRatio) {
     throw Error(ErrorCode::kDamaged, "the PNG picture is damaged: the file is cut off");
   }
-  sink.begin(layout.picture);
+  PictureInfo info = layout.picture;
+  info.decoding_bytes = static_cast<std::uint64_t>(info.width) * sizeof(Pixel) +
+                        layout.row_bytes * (layout.passes == 1 ? 3 : height + 3);
+  if (layout.passes > 1) check_pixels(static_cast<std::int64_t>(layout.row_bytes), layout.picture.height);
+  sink.begin(info, bytes.size());
   std::vector<Pixel> pixels(static_cast<std::size_t>(layout.picture.width));
   if (layout.passes == 1) {
     std::vector<png_byte> row(layout.row_bytes);
@@ -161,7 +165,6 @@ void read_png(std::string_view bytes, const PictureSink& sink) {
       sink.row(pixels);
     }
   } else {
-    check_pixels(static_cast<std::int64_t>(layout.row_bytes), layout.picture.height);
     std::vector<png_byte> whole(layout.row_bytes * height);
     for (int pass = 0; pass < layout.passes; ++pass) {
       for (std::uint64_t y = 0; y < height; ++y) {
@@ -174,7 +177,7 @@ void read_png(std::string_view bytes, const PictureSink& sink) {
       sink.row(pixels);
     }
   }
-  png.call([](png_structp p, png_infop info) { png_read_end(p, info); });
+  png.call([](png_structp p, png_infop end) { png_read_end(p, end); });
 }
 
 void write_png(OutputFile& file, std::int64_t width, std::int64_t height, bool alpha,

@@ -77,7 +77,8 @@ void read_pnm(std::string_view bytes, const PictureSink& sink) {
   if (!text && left > pixels * sample_bytes)
     damaged("has bytes after its last pixel", at + pixels * sample_bytes);
 
-  sink.begin(info);
+  info.decoding_bytes = static_cast<std::uint64_t>(info.width) * sizeof(Pixel);
+  sink.begin(info, bytes.size());
   std::vector<Pixel> row(static_cast<std::size_t>(info.width));
   for (std::int64_t y = 0; y < info.height; ++y) {
     for (Pixel& pixel : row) {

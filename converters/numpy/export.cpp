@@ -64,6 +64,11 @@ class ArrayWriter {
     const std::int64_t side = std::int64_t{1} << plan.step;
     const std::int64_t columns = (std::int64_t{plan.range.max.x} - plan.range.min.x + 1) * side;
     const LayerType& type = source_.header().types[plan.type];
+    const TypeId chosen[] = {plan.type};
+    check_budget(run_.max_memory_bytes,
+                 static_cast<std::uint64_t>(columns * side) * sizeof(float) +
+                     reading_bytes(source_, chosen, plan.step),
+                 "an array is written a row of patches at a time", "crop the map, or resample it");
     std::vector<float> strip(static_cast<std::size_t>(columns * side));
     for (int c = 0; c < static_cast<int>(type.channels.size()); ++c) {
       for (std::int32_t y = plan.range.min.y;; ++y) {

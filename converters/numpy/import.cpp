@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "apgm/core/budget.hpp"
 #include "converters/common/file.hpp"
 #include "converters/common/grid_fit.hpp"
 #include "converters/numpy/array_source.hpp"
@@ -42,10 +43,15 @@ class ArrayReader {
     try {
       array.values = read(left_, header, rounded_);
     } catch (const Error& error) {
+      if (const auto hint = budget_hint(error)) {
+        throw over_budget("array '" + printable(meta.array) + "': " + error.message(),
+                          used_ + (hint->least_mebibytes << 20), "cut the array");
+      }
       throw Error(error.code(), "array '" + printable(meta.array) + "': " + error.message())
           .hint(error.hint());
     }
     left_ -= array.values.size() * sizeof(float);
+    used_ += array.values.size() * sizeof(float);
     const auto channels = static_cast<std::int64_t>(meta.type.channels.size());
     if (header.shape.size() == 2 && channels == 1) header.shape.insert(header.shape.begin(), 1);
     if (header.shape.size() != 3 || header.shape[0] != channels) {
@@ -64,6 +70,7 @@ class ArrayReader {
 
  private:
   std::uint64_t left_;
+  std::uint64_t used_ = 0;
   std::uint64_t rounded_ = 0;
 };
 

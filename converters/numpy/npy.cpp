@@ -7,6 +7,7 @@
 #include <cstring>
 #include <map>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/core/error.hpp"
 #include "converters/common/settings.hpp"
 
@@ -174,10 +175,11 @@ std::vector<float> read_npy(const std::function<std::size_t(std::span<std::byte>
 
   const auto count = static_cast<std::uint64_t>(header.values());
   if (count > max_bytes / sizeof(float)) {
-    fail(ErrorCode::kLimit, "its array has " + std::to_string(count) + " values, more than memory is given",
-         "raise --max-memory (without it: 1 GiB, or 8 times the file), or cut the array");
+    throw over_budget("its array has " + std::to_string(count) + " values, more than memory is given",
+                      count * sizeof(float), "cut the array");
   }
   std::vector<float> values;
+  values.reserve(count);  // growing would take up to thrice the memory that is given
   std::vector<char> chunk(std::size_t{1} << 18);
   const auto width = static_cast<std::size_t>(header.value_bytes());
   while (values.size() < count) {

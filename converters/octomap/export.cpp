@@ -65,8 +65,9 @@ Slab slab_of(const SettingsReader& settings, double resolution_m) {
 /// Builds the tree voxel by voxel and counts what it cannot hold.
 class TreeBuilder {
  public:
-  TreeBuilder(const KeyGrid& grid, bool binary, std::uint64_t max_voxels)
-      : tree_(grid.resolution_m), grid_(grid), binary_(binary), max_voxels_(max_voxels) {
+  /// @param max_bytes  bound of the tree's memory; 0: none
+  TreeBuilder(const KeyGrid& grid, bool binary, std::uint64_t max_bytes)
+      : tree_(grid.resolution_m), grid_(grid), binary_(binary), max_bytes_(max_bytes) {
     extremes_[0] = masses_from_log_odds(tree_.getClampingThresMinLog());
     extremes_[1] = masses_from_log_odds(tree_.getClampingThresMaxLog());
     if (binary_) return;
@@ -96,6 +97,8 @@ class TreeBuilder {
   std::uint64_t mixed = 0;    ///< cells with evidence for both hypotheses
 
  private:
+  static constexpr std::uint64_t kMaxVoxels = std::uint64_t{1} << 30;
+
   static ::octomap::key_type key(std::int64_t k) {
     if (k < 0 || k >= (1 << kTreeDepth)) {
       throw Error(ErrorCode::kLimit, "known cells lie outside the octree, which reaches 32768 cells each way")
@@ -112,11 +115,24 @@ class TreeBuilder {
     return l >= 0 ? tree_.getClampingThresMaxLog() : tree_.getClampingThresMinLog();
   }
 
+  /// Before `more` voxels are set. Those that are set are the leaves, until the tree is pruned; each that is
+  /// new may need a way of its own down from the root.
+  void check_memory(std::uint64_t more) const {
+    const std::uint64_t now =
+        octree_memory(tree_.size(), tree_.size() - std::min<std::uint64_t>(voxels_, tree_.size()));
+    const std::uint64_t next = octree_memory(more * kTreeDepth, more * kTreeDepth);
+    if (now + next <= max_bytes_) return;
+    throw Error(ErrorCode::kLimit, "an octree is built in memory as a whole, and that takes more than " +
+                                       std::to_string(max_bytes_ >> 20) + " MiB")
+        .hint("how much shows on the way only: raise --max-memory, crop the map, or choose a thinner slab");
+  }
+
   void set(::octomap::key_type x, ::octomap::key_type y, KeyRange heights, float value) {
+    if (max_bytes_ != 0) check_memory(static_cast<std::uint64_t>(heights.size()));
     voxels_ += static_cast<std::uint64_t>(heights.size());
-    if (voxels_ > max_voxels_) {
+    if (voxels_ > kMaxVoxels) {
       throw Error(ErrorCode::kLimit,
-                  "the octree would have more than " + std::to_string(max_voxels_) + " voxels")
+                  "the octree would have more than " + std::to_string(kMaxVoxels) + " voxels")
           .hint("an octree is built in memory: crop the map, or choose a thinner slab");
     }
     for (int z = heights.min; z < heights.max; ++z) {
@@ -127,7 +143,7 @@ class TreeBuilder {
   ::octomap::OcTree tree_;
   KeyGrid grid_;
   bool binary_;
-  std::uint64_t max_voxels_;
+  std::uint64_t max_bytes_;
   std::uint64_t voxels_ = 0;
   Masses extremes_[2];
 };
@@ -204,13 +220,13 @@ void export_aligned(const PatchSource& source, std::int64_t x, std::int64_t y, i
                     const SettingsReader& settings, OutputFile& file) {
   const bool binary = extension_of(request.path) == ".bt";
   const KeyGrid grid{step, resolution_of(source.header(), step), x + kOriginKey, y + kOriginKey};
-  constexpr std::uint64_t kMaxVoxels = std::uint64_t{1} << 30;
-  constexpr std::uint64_t kBytesPerVoxel = 64;  // a leaf, and its share of the inner nodes, before pruning
-  const std::uint64_t budget = request.run.max_memory_bytes / kBytesPerVoxel;
-  TreeBuilder builder(grid, binary, budget == 0 ? kMaxVoxels : std::min(budget, kMaxVoxels));
+  const std::uint64_t budget = request.run.max_memory_bytes;
+  const std::uint64_t reading = reading_bytes(source, chosen, step);
+  check_budget(budget, reading, "one patch at work");
+  TreeBuilder builder(grid, binary, budget_left(budget, reading));
   fill(source, heights_of(source.header().types, chosen, settings, grid.resolution_m), step, builder,
        request.run);
-  file.write(octree_bytes(builder.finish(), binary));
+  write_octree(builder.finish(), binary, file);
   report(builder, binary, request.run.findings);
 }
 

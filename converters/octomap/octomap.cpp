@@ -75,12 +75,14 @@ class OctomapConverter final : public Converter {
     const auto mode = settings.choice("mode", kModes).value_or("projection");
     return naming(request.path, [&] {
       auto tree = read_octree(request.path, request.max_memory_bytes);
+      const std::uint64_t left = budget_left(
+          request.max_memory_bytes, octree_memory(tree->size(), tree->size() - tree->getNumLeafNodes()));
       const ForeignGrid grid{tree->getResolution(), {}, 0};
       const GridFit fit = fit_grid(grid, settings, request.findings);
       auto native = std::make_unique<OctreeSource>(
           std::move(tree), fit, mode == "slices" ? OctreeMode::kSlices : OctreeMode::kProjection,
-          heights_of(settings, grid.cell_m), request.findings);
-      return place(std::move(native), grid, fit, request.findings);
+          heights_of(settings, grid.cell_m), request.findings, left);
+      return place(std::move(native), grid, fit, request.findings, left);
     });
   }
 

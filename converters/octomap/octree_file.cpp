@@ -10,7 +10,8 @@
 #include <cstring>
 #include <limits>
 #include <optional>
-#include <sstream>
+#include <ostream>
+#include <span>
 #include <streambuf>
 
 #include "apgm/core/error.hpp"
@@ -100,10 +101,15 @@ class Pending {
   int depth_ = -1;
 };
 
+struct NodeCount {
+  std::uint64_t nodes = 0;
+  std::uint64_t inner = 0;
+};
+
 /// .bt: two bytes for each inner node, two bits for each child, the inner children following in order.
-std::uint64_t walk_binary(std::string_view bytes, std::size_t at) {
+NodeCount walk_binary(std::string_view bytes, std::size_t at) {
   Pending pending;
-  std::uint64_t nodes = 1;
+  NodeCount count{1, 0};
   do {
     if (bytes.size() - at < 2) damaged("the octree is cut off", bytes.size());
     const unsigned bits = static_cast<unsigned char>(bytes[at]) | static_cast<unsigned char>(bytes[at + 1])
@@ -117,44 +123,35 @@ std::uint64_t walk_binary(std::string_view bytes, std::size_t at) {
     }
     if (children == 0) damaged("an inner node of the octree has no children", at);
     if (inner != 0 && pending.depth() + 2 >= kTreeDepth) damaged("the octree is deeper than 16 levels", at);
-    nodes += children;
+    count.nodes += children;
+    ++count.inner;
     at += 2;
     pending.enter(inner);
   } while (pending.advance());
   if (at != bytes.size()) damaged("data follow the octree's last node", at);
-  return nodes;
+  return count;
 }
 
 /// .ot: float32 and a byte that marks the children for each node, the children following in order.
-std::uint64_t walk_full(std::string_view bytes, std::size_t at) {
+NodeCount walk_full(std::string_view bytes, std::size_t at) {
   constexpr std::size_t kNodeBytes = 5;
   Pending pending;
-  std::uint64_t nodes = 0;
+  NodeCount count;
   do {
     if (bytes.size() - at < kNodeBytes) damaged("the octree is cut off", bytes.size());
     float log_odds = 0;
     std::memcpy(&log_odds, bytes.data() + at, sizeof log_odds);
     if (std::isnan(log_odds)) damaged("a node of the octree is not a number", at);
-    ++nodes;
+    ++count.nodes;
     const auto children = static_cast<std::uint8_t>(bytes[at + 4]);
     if (children != 0 && pending.depth() + 1 >= kTreeDepth)
       damaged("the octree is deeper than 16 levels", at);
+    count.inner += children != 0;
     at += kNodeBytes;
     pending.enter(children);
   } while (pending.advance());
   if (at != bytes.size()) damaged("data follow the octree's last node", at);
-  return nodes;
-}
-
-void check_memory(const OctreeHeader& header, std::uint64_t file_bytes, std::uint64_t max_memory_bytes) {
-  constexpr std::uint64_t kBytesPerNode = 64;  // a node, its array of children, and what malloc adds
-  if (max_memory_bytes == 0) return;
-  const std::uint64_t left = max_memory_bytes - std::min(file_bytes, max_memory_bytes);
-  if (header.nodes <= left / kBytesPerNode) return;
-  throw Error(ErrorCode::kLimit, "the octree's " + std::to_string(header.nodes) + " nodes need about " +
-                                     std::to_string((header.nodes * kBytesPerNode + file_bytes) >> 20) +
-                                     " MiB, more than --max-memory allows")
-      .hint("an octree is held in memory as a whole: raise --max-memory, or prune the octree");
+  return count;
 }
 
 /// Reads from memory without a copy.
@@ -163,6 +160,27 @@ class MemoryBuffer final : public std::streambuf {
   explicit MemoryBuffer(std::string& bytes, std::size_t from) {
     setg(bytes.data(), bytes.data() + from, bytes.data() + bytes.size());
   }
+};
+
+/// Writes to a file without a copy of the whole.
+class FileBuffer final : public std::streambuf {
+ public:
+  explicit FileBuffer(OutputFile& file) : file_(file) {}
+
+ protected:
+  int_type overflow(int_type c) override {
+    if (c == traits_type::eof()) return 0;
+    const char one = traits_type::to_char_type(c);
+    xsputn(&one, 1);
+    return c;
+  }
+  std::streamsize xsputn(const char* text, std::streamsize size) override {
+    file_.write(std::as_bytes(std::span(text, static_cast<std::size_t>(size))));
+    return size;
+  }
+
+ private:
+  OutputFile& file_;
 };
 
 }  // namespace
@@ -202,25 +220,32 @@ OctreeHeader parse_octree_header(std::string_view bytes) {
   damaged("the octree header has no data line", bytes.size());
 }
 
-void check_octree_nodes(std::string_view bytes, const OctreeHeader& header) {
+std::uint64_t octree_memory(std::uint64_t nodes, std::uint64_t inner) {
+  // A node of a list and a float, and the list of the children, as malloc rounds them.
+  constexpr std::uint64_t kNodeBytes = 32, kChildrenBytes = 80;
+  return nodes * kNodeBytes + inner * kChildrenBytes;
+}
+
+std::uint64_t check_octree_nodes(std::string_view bytes, const OctreeHeader& header) {
   const bool empty = header.nodes == 0 && bytes.size() == header.data_at;
-  const std::uint64_t nodes = empty           ? 0
-                              : header.binary ? walk_binary(bytes, header.data_at)
-                                              : walk_full(bytes, header.data_at);
-  if (nodes != header.nodes) {
-    damaged(
-        "the octree has " + std::to_string(nodes) + " nodes, its header says " + std::to_string(header.nodes),
-        header.data_at);
+  const NodeCount count = empty           ? NodeCount{}
+                          : header.binary ? walk_binary(bytes, header.data_at)
+                                          : walk_full(bytes, header.data_at);
+  if (count.nodes != header.nodes) {
+    damaged("the octree has " + std::to_string(count.nodes) + " nodes, its header says " +
+                std::to_string(header.nodes),
+            header.data_at);
   }
+  return octree_memory(count.nodes, count.inner);
 }
 
 std::unique_ptr<::octomap::OcTree> read_octree(const std::string& path, std::uint64_t max_memory_bytes) {
-  std::string bytes =
-      read_file(path, max_memory_bytes > 0 ? max_memory_bytes : std::numeric_limits<std::uint64_t>::max());
+  std::string bytes = read_file_within(path, max_memory_bytes);
   try {
     const OctreeHeader header = parse_octree_header(bytes);
-    check_octree_nodes(bytes, header);
-    check_memory(header, bytes.size(), max_memory_bytes);
+    const std::uint64_t tree_bytes = check_octree_nodes(bytes, header);
+    check_budget(max_memory_bytes, bytes.size() + tree_bytes, "an octree is held in memory as a whole",
+                 "prune the octree");
     auto tree = std::make_unique<::octomap::OcTree>(header.resolution_m);
     if (header.nodes == 0) return tree;
     MemoryBuffer buffer(bytes, header.data_at);
@@ -238,8 +263,10 @@ std::unique_ptr<::octomap::OcTree> read_octree(const std::string& path, std::uin
   }
 }
 
-std::string octree_bytes(const ::octomap::OcTree& tree, bool binary) {
-  std::ostringstream out;
+void write_octree(const ::octomap::OcTree& tree, bool binary, OutputFile& file) {
+  FileBuffer buffer(file);
+  std::ostream out(&buffer);
+  out.exceptions(std::ios::badbit);  // what the file throws goes on its way
   out << (binary ? kBinaryLine : kFullLine)
       << "\n# (feel free to add / change comments, but leave the first line as it is!)\n#\nid OcTree\nsize "
       << std::to_string(tree.size()) << "\nres " << format_number(tree.getResolution()) << "\ndata\n";
@@ -248,7 +275,6 @@ std::string octree_bytes(const ::octomap::OcTree& tree, bool binary) {
   } else {
     tree.writeData(out);
   }
-  return std::move(out).str();
 }
 
 }  // namespace apgm::converters

@@ -5,6 +5,8 @@
 #include <string>
 #include <string_view>
 
+#include "apgm/format/output_file.hpp"
+
 namespace octomap {
 class OcTree;
 }
@@ -33,15 +35,20 @@ OctreeHeader parse_octree_header(std::string_view bytes);
 
 /// Walks the nodes without building anything: 16 levels at most, ends with the bytes, as many as the header
 /// says, no inner node without children, no NaN. OctoMap's own reader checks none of this.
+/// @return octree_memory() of the tree
 /// @throws Error{kDamaged} with the byte
-void check_octree_nodes(std::string_view bytes, const OctreeHeader& header);
+std::uint64_t check_octree_nodes(std::string_view bytes, const OctreeHeader& header);
+
+/// Memory of a tree, as an allocator that rounds to 16 bytes gives it.
+/// @param inner  nodes with children, of all `nodes`
+std::uint64_t octree_memory(std::uint64_t nodes, std::uint64_t inner);
 
 /// Reads and checks a whole file, then has OctoMap build the tree.
-/// @param max_memory_bytes  bound of the file and the tree, 64 bytes a node; 0: none
+/// @param max_memory_bytes  bound of the file and the tree; 0: none
 /// @throws Error{kUnreadable|kForeign|kUnsupported|kDamaged|kLimit}
 std::unique_ptr<::octomap::OcTree> read_octree(const std::string& path, std::uint64_t max_memory_bytes = 0);
 
-/// The file of a tree, with the resolution in as many digits as it needs.
-std::string octree_bytes(const ::octomap::OcTree& tree, bool binary);
+/// Writes the file of a tree, with the resolution in as many digits as it needs. @throws Error{kOutput}
+void write_octree(const ::octomap::OcTree& tree, bool binary, OutputFile& file);
 
 }  // namespace apgm::converters

@@ -52,18 +52,18 @@ LayerType slice_type(int z_key, double resolution_m) {
 }
 
 OctreeSource::OctreeSource(std::unique_ptr<const ::octomap::OcTree> tree, const GridFit& fit, OctreeMode mode,
-                           KeyRange heights, const Findings& findings)
+                           KeyRange heights, const Findings& findings, std::uint64_t max_memory_bytes)
     : tree_(std::move(tree)), fit_(fit), mode_(mode), heights_(heights) {
   header_.frame = fit.native;
   header_.metadata["octomap.resolution"] = format_number(tree_->getResolution());
   header_.metadata["octomap.mode"] = mode == OctreeMode::kSlices ? "slices" : "projection";
-  describe(findings);
+  describe(findings, max_memory_bytes);
 }
 
 OctreeSource::~OctreeSource() = default;
 
 /// Finds the types and the patches, and reports what a belief cannot tell from no data.
-void OctreeSource::describe(const Findings& findings) {
+void OctreeSource::describe(const Findings& findings, std::uint64_t max_memory_bytes) {
   const KeyBox all{{}, {}, heights_};
   PatchRange range;
   std::vector<bool> used(kKeys);
@@ -103,7 +103,7 @@ void OctreeSource::describe(const Findings& findings) {
   visit_leaves(*tree_, all, [&](const OctreeLeaf& leaf) {
     if (leaf.log_odds != 0) marks.mark(patches_of(leaf));
   });
-  list(marks.marked());
+  list(marks.marked(max_memory_bytes));
 }
 
 PatchRange OctreeSource::patches_of(const OctreeLeaf& leaf) const {
@@ -141,6 +141,12 @@ void OctreeSource::layers_of(PatchIndex patch, std::vector<LayerInfo>& out) cons
     info.type = static_cast<TypeId>(type);
     out.push_back(info);
   }
+}
+
+/// Columns take thrice what a layer's two floats a cell take.
+std::uint64_t OctreeSource::working_bytes(std::uint64_t layer_bytes) const {
+  static_assert(sizeof(Column) == 3 * 2 * sizeof(float));
+  return mode_ == OctreeMode::kProjection ? 3 * layer_bytes : 0;
 }
 
 void OctreeSource::load(const LayerInfo& info, Layer& out) const {

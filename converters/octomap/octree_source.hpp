@@ -4,6 +4,7 @@
 #include <string_view>
 #include <vector>
 
+#include "apgm/core/working_memory.hpp"
 #include "converters/common/grid_fit.hpp"
 #include "converters/common/listed_source.hpp"
 #include "converters/octomap/octree_walk.hpp"
@@ -20,19 +21,21 @@ enum class OctreeMode : std::uint8_t {
 LayerType slice_type(int z_key, double resolution_m);
 
 /// An octree seen as patches. Holds the tree; makes the cells of a layer when it is loaded.
-class OctreeSource final : public ListedSource {
+class OctreeSource final : public ListedSource, public WorkingMemory {
  public:
   /// @param heights  keys of the voxels to read
+  /// @param max_memory_bytes  what the list of patches may take; 0: no bound
   /// @throws Error{kLimit} if there are more slices than a map has types, or patches out of range
   OctreeSource(std::unique_ptr<const ::octomap::OcTree> tree, const GridFit& fit, OctreeMode mode,
-               KeyRange heights, const Findings& findings);
+               KeyRange heights, const Findings& findings, std::uint64_t max_memory_bytes = 0);
   ~OctreeSource() override;
 
   void load(const LayerInfo& info, Layer& out) const override;
+  std::uint64_t working_bytes(std::uint64_t layer_bytes) const override;
 
  private:
   void layers_of(PatchIndex patch, std::vector<LayerInfo>& out) const override;
-  void describe(const Findings& findings);
+  void describe(const Findings& findings, std::uint64_t max_memory_bytes);
   KeyBox column_of(PatchIndex patch) const;
   PatchRange patches_of(const OctreeLeaf& leaf) const;
   void load_slice(PatchIndex patch, int z_key, Layer& out) const;

@@ -17,6 +17,8 @@ import subprocess
 import sys
 import tempfile
 
+from evaluation_text import CHANGES, FORMULA, HEAD, RESAMPLING
+
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 DATA = os.environ.get("APGM_REAL_DATA", os.path.join(ROOT, "..", "shared", "data"))
 IMAGES = os.path.join(ROOT, "docs", "images")
@@ -28,7 +30,9 @@ PAPER_FACTORS = {
     ("submaps-sorted_vector", "parking"): ">= 3.0",
     ("submaps-sorted_vector", "road"): ">= 8.0",
 }
-SHOWN = ["apgm", "buerkle-A", "buerkle-B", "buerkle-C", "moving", "submaps-sorted_vector"]
+SHOWN = ["apgm", "buerkle-A", "buerkle-B", "buerkle-C", "moving", "submaps-sorted_vector", "octomap-ot", "octomap-bt", "geotiff",
+         "numpy"]
+TRAVELLING = ["buerkle-A", "buerkle-B", "buerkle-C", "moving"]
 PROFILES = {
     "parking": ["{layer: occupancy, horizon_m: 20, cell_m: 0.1}"],
     "road": ["{layer: occupancy, horizon_m: 100, cell_m: 0.2}", "{layer: semantics, horizon_m: 40, cell_m: 0.2}"],
@@ -49,27 +53,37 @@ def write_schedule(path, entries):
 
 
 class Comparison:
-    """The rows of apgm-compare, means by profile and layout."""
+    """The rows of apgm-compare, means by profile and layout over the moments that have a figure."""
+
+    KEYS = ("cells", "known_cells", "values_bytes", "allocated_bytes", "disk_bytes", "known_source_cells", "lost_cells",
+            "lost_obstacles")
 
     def __init__(self, path):
         self.sums = {}
         with open(path, newline="") as file:
             for row in csv.DictReader(file):
-                sums = self.sums.setdefault((row["layout"], row["profile"]), {"moments": 0, "max_change": 0.0, "change": 0.0})
-                sums["moments"] += 1
+                sums = self.sums.setdefault((row["layout"], row["profile"]), dict.fromkeys(self.KEYS, 0.0)
+                                            | {"max_change": 0.0, "change": 0.0, "shifts": 0, "shift_ns": 0.0, "counts": {}})
+                for key in self.KEYS:
+                    if row[key]:
+                        sums[key] += float(row[key])
+                        sums["counts"][key] = sums["counts"].get(key, 0) + 1
                 kept = float(row["known_source_cells"] or 0) - float(row["lost_cells"] or 0)
                 sums["change"] += kept * float(row["mean_change"] or 0)
                 sums["max_change"] = max(sums["max_change"], float(row["max_change"] or 0))
-                for key in ("cells", "known_cells", "values_bytes", "allocated_bytes", "disk_bytes", "known_source_cells",
-                            "lost_cells", "lost_obstacles"):
-                    sums[key] = sums.get(key, 0.0) + float(row[key] or 0)
+                if row["shift_ns"] and int(row["shifts"]) > 0:
+                    sums["shifts"] += int(row["shifts"])
+                    sums["shift_ns"] += int(row["shifts"]) * float(row["shift_ns"])
 
     def profiles(self):
         return [p for p in PROFILES if ("apgm", p) in self.sums]
 
+    def has(self, layout, profile, key):
+        return (layout, profile) in self.sums and key in self.sums[layout, profile]["counts"]
+
     def mean(self, layout, profile, key):
         sums = self.sums[layout, profile]
-        return sums[key] / sums["moments"]
+        return sums[key] / sums["counts"][key]
 
     def fill(self, layout, profile):
         return self.mean(layout, profile, "known_cells") / self.mean(layout, profile, "cells")
@@ -94,7 +108,7 @@ def thousands(n):
 
 def simulated_drive(bin_dir, work):
     stats, table = os.path.join(work, "stats.csv"), os.path.join(work, "drive.csv")
-    run(os.path.join(bin_dir, "drive-map"), "--stats", stats, "--compare", table, "--every", "5", "-O", "--plot",
+    run(os.path.join(bin_dir, "drive-map"), "--stats", stats, "--compare", table, "--every", "5", "--cost", "-O", "--plot",
         os.path.join(IMAGES, "compare_drive.svg"))
     with open(stats, newline="") as file:
         return list(csv.DictReader(file)), Comparison(table)
@@ -106,7 +120,8 @@ def clinic(bin_dir, work):
         return None
     profile, table = os.path.join(work, "clinic.yaml"), os.path.join(work, "clinic.csv")
     write_schedule(profile, [("parking", 0), ("road", 1600), ("parking", 3200)])
-    run(os.path.join(bin_dir, "apgm-compare"), log, "--profile", profile, "--every", "60", "--csv", table, "-O", "--plot",
+    run(os.path.join(bin_dir, "apgm-compare"), log, "--profile", profile, "--every", "60", "--cost", "--csv", table, "-O",
+        "--plot",
         os.path.join(IMAGES, "compare_clinic.svg"))
     return Comparison(table)
 
@@ -151,7 +166,7 @@ def one_map(bin_dir, work):
     runs = [json.loads(run(os.path.join(bin_dir, "apgm-compare"), path, "--cost", "--json", "-O", "--plot",
                            os.path.join(IMAGES, "compare_map.svg")))["layouts"] for _ in range(9)]
     for i, layout in enumerate(runs[0]):
-        for key in layout["cost"]:
+        for key in layout.get("cost", {}):
             layout["cost"][key] = statistics.median(r[i]["cost"][key] for r in runs)
     return runs[0]
 
@@ -211,22 +226,65 @@ def factors_section(sources):
     return lines + [""]
 
 
-def layouts_section(title, image, comparison, note):
-    lines = [f"## {title}", "", f"![](images/{image})", "", note, "",
+def layouts_section(title, image, caption, comparison, note):
+    lines = [f"## {title}", "", f"![{caption}](images/{image})", "", f"*{caption}*", "", note, "",
              "| | layout | cells | fill | values [MB] | x | allocated [MB] | x | on disk [KB] | x | lost cells | mean change | "
              "greatest | lost obstacles |", "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"]
     for profile in comparison.profiles():
         for layout in SHOWN:
+            has = lambda key: comparison.has(layout, profile, key)
             mean = lambda key: comparison.mean(layout, profile, key)
             ratio = lambda key: comparison.ratio(layout, profile, key)
-            lost = mean("lost_cells") / max(1.0, mean("known_source_cells"))
-            lines.append(
-                f"| {profile} | {layout} | {thousands(mean('cells'))} | {100 * comparison.fill(layout, profile):.0f} % | "
-                f"{mean('values_bytes') / 1e6:.2f} | {ratio('values_bytes'):.2f} | {mean('allocated_bytes') / 1e6:.2f} | "
-                f"{ratio('allocated_bytes'):.2f} | {mean('disk_bytes') / 1e3:.0f} | {ratio('disk_bytes'):.2f} | "
-                f"{100 * lost:.1f} % | {comparison.change(layout, profile):.4f} | "
-                f"{comparison.sums[layout, profile]['max_change']:.2f} | {mean('lost_obstacles'):.0f} |")
+            if not has("cells") and not has("disk_bytes"):
+                continue
+            row = ["-"] * 12
+            if has("cells"):
+                row[:6] = [thousands(mean("cells")), f"{100 * comparison.fill(layout, profile):.0f} %",
+                           f"{mean('values_bytes') / 1e6:.2f}", f"{ratio('values_bytes'):.2f}",
+                           f"{mean('allocated_bytes') / 1e6:.2f}", f"{ratio('allocated_bytes'):.2f}"]
+            if has("disk_bytes"):
+                row[6:8] = [f"{mean('disk_bytes') / 1e3:.0f}", f"{ratio('disk_bytes'):.2f}"]
+            if has("lost_cells"):
+                row[8:] = [f"{100 * mean('lost_cells') / max(1.0, mean('known_source_cells')):.1f} %",
+                           f"{comparison.change(layout, profile):.4f}", f"{comparison.sums[layout, profile]['max_change']:.2f}",
+                           f"{mean('lost_obstacles'):.0f}"]
+            lines.append(f"| {profile} | {layout} | " + " | ".join(row) + " |")
     return lines + [""]
+
+
+def moves_section(sources):
+    lines = ["## Moves", "", "Layouts that move travel through the drive: after each scan they shift by whole cells of their coarsest size, what "
+             "changes its cell size is resampled, and what enters is filled from the map. The table shows the shifts that were really "
+             "executed, without that filling, and their mean time; the lower parts of the pictures above show it over time. Sub-maps and "
+             "the map itself only drop what the vehicle leaves.", "",
+             "| layout | " + " | ".join(f"{name}, {p}: shifts | time" for name, c in sources for p in c.profiles()) + " |",
+             "|---|" + "---|---|" * sum(len(c.profiles()) for _, c in sources)]
+    for layout in TRAVELLING:
+        row = [layout]
+        for _, c in sources:
+            for p in c.profiles():
+                sums = c.sums[layout, p]
+                row += [thousands(sums["shifts"]), time_text(sums["shift_ns"] / sums["shifts"])] if sums["shifts"] else ["-", "-"]
+        lines.append("| " + " | ".join(row) + " |")
+    return lines + [""]
+
+
+def disk_text(sources):
+    """What is left of the ratios on disk, in the figures of this run."""
+    def span(layouts, profile):
+        ratios = [c.ratio(l, profile, "disk_bytes") for _, c in sources for l in layouts if c.has(l, profile, "disk_bytes")]
+        return f"{min(ratios):.2f} to {max(ratios):.2f}" if ratios else "-"
+    return ("- **On disk little is left of the ratios.** Cells without data compress to nothing. Times the map's bytes: sub-maps "
+            f"{span(['submaps-sorted_vector'], 'parking')} (parking, cells of one size) and {span(['submaps-sorted_vector'], 'road')} (road, "
+            f"cells half as wide), non-uniform grids {span(TRAVELLING[:3], 'parking')} and {span(TRAVELLING[:3], 'road')}, the moving grid "
+            f"{span(['moving'], 'parking')} and {span(['moving'], 'road')}. Far cells of the non-uniform grids are coarser and hold less: see the "
+            "changes of belief. On the other hand grids that move keep what the map dropped, until it leaves them.\n"
+            f"- **Other formats.** GeoTIFF (ZSTD, all cells of the finest size) takes {span(['geotiff'], 'parking')} and "
+            f"{span(['geotiff'], 'road')} times the map's bytes, NumPy (deflate, each layer its own size) {span(['numpy'], 'parking')} and "
+            f"{span(['numpy'], 'road')}; neither changes a belief. An octree holds occupancy alone, and of it BetP: .ot "
+            f"{span(['octomap-ot'], 'parking')} and {span(['octomap-ot'], 'road')} times, .bt, which keeps only free or occupied, "
+            f"{span(['octomap-bt'], 'parking')} and {span(['octomap-bt'], 'road')} times. Its memory counts all nodes of a tree whose leaves "
+            "are voxels of one height.\n")
 
 
 def time_text(ns):
@@ -238,15 +296,19 @@ def time_text(ns):
 
 
 def cost_section(layouts):
-    lines = ["## Accesses", "", "![](images/compare_map.svg)", "",
+    caption = "One map by layout: bytes of values, all that is allocated, and bytes on disk"
+    lines = ["## Accesses", "", f"![{caption}](images/compare_map.svg)", "", f"*{caption}*", "",
              "The live map of the simulated drive after 250 s, on the road, one thread. A find in the map itself reads a value of "
              "every layer at the place; to shift it means to drop what the vehicle leaves, which is the upkeep of the next section. "
              "Medians of 9 runs.", "",
-             "| layout | find | insert | new sub-map | shift by 0.5 m | read a cell | snapshot |", "|---|---|---|---|---|---|---|"]
+             "| layout | cells | filled | allocated [bytes] | find | insert | new sub-map | shift by 0.5 m | read a cell | snapshot |",
+             "|---|---|---|---|---|---|---|---|---|---|"]
     for one in layouts:
-        cost = one["cost"]
-        lines.append(f"| {one['layout']} | " + " | ".join(
-            time_text(cost[k + "_ns"]) for k in ("find", "insert", "grow", "shift", "iterate", "snapshot")) + " |")
+        cost = one.get("cost")
+        if cost is None:
+            continue
+        lines.append(f"| {one['layout']} | {thousands(one['cells'])} | {100 * one['fill']:.0f} % | {thousands(one['allocated_bytes'])} | "
+                     + " | ".join(time_text(cost[k + "_ns"]) for k in ("find", "insert", "grow", "shift", "iterate", "snapshot")) + " |")
     return lines + [""]
 
 
@@ -271,60 +333,6 @@ def fusion_section(stats, bench):
                     "are combined.", ""]
 
 
-HEAD = """# Evaluation: the paper's figures, measured again
-
-Written by `tests/bench/evaluate.py` (release preset, `-DAPGM_BENCH=ON`); machine: AMD EPYC, 2 cores, Linux, shared with other work.
-Values are floats of 4 bytes. "Values" counts what the paper counts; "allocated" every byte that is taken for it
-([layouts.md](layouts.md)). Fill is the share of allocated cells that hold data. Ratios are means over time, theirs by ours.
-
-| drive | what is real | how it is repeated |
-|---|---|---|
-| simulated | nothing: a town made after the paper's. How close houses stand, how many bays are taken and how far a beam without return clears **were chosen so that the map has about as many cells** as the paper's ([samples](../samples/README.md)). That its cell counts agree confirms nothing; that ratios follow from the counts does | `drive-map --stats S.csv --compare C.csv --every 5` |
-| fr-clinic | scans and motion: a robot with one 180 degree laser on a campus, 4820 s. No camera. "Parking" and "road" are the paper's profiles by the clock (road from 1600 s to 3200 s) | `apgm-compare fr-clinic_robotlaser.clf.bz2 --profile P.yaml --every 60` |
-| Boreas | the motion alone: 7.9 km by car. **All that the profile asks for is taken as seen**, so this is what a map costs at most. "Parking" where the car is slower than 15 km/h for 20 s | `apgm-compare POSES.txt --motion --profile P.yaml --every 10` |
-
-The profiles are the paper's: parking {`occupancy`, 20 m, 0.1 m}; road {`occupancy`, 100 m, 0.2 m} and {`semantics`, 40 m, 0.2 m}. The fixed
-layouts store 2 + 4 values a cell at all times. Sub-maps and the moving grid have the finest cells of the drive, 0.1 m.
-"""
-
-FORMULA = """The paper's factors follow from its mean cells: `640k * 6 / (243k * 2)`, `640k * 6 / (345k * 2 + 88k * 4)`, `243k * 6 / (243k * 2)`,
-`4 * 345k * 6 / (345k * 2 + 88k * 4)` (`memory_factor`, tested).
-
-Where we differ, and why:
-
-- **The road factor against sub-maps** comes out as 7.95 from the paper's own means; ">= 8.0" is that, rounded up.
-- **Allocated** bytes hardly change a ratio: a patch of 16 to 128 KB outweighs its tree node. Buckets, nodes and headers are less than 1 % in every layout.
-- **The gain rests on sparsity.** Where everything is seen (Boreas) a disc of 100 m at 0.2 m takes 917k cells, more than the reference has cells; in values
-  the map is still below it, because it stores 2 values where the grid stores 6.
-- **fr-clinic** has no camera. The fixed layouts keep their 4 values of semantics all the same. With cells of 2 values their ratios are a third of those here.
-- **On disk little is left of the ratios.** Cells without data compress to nothing: at equal cell sizes (parking) sub-maps and the moving grid take within 2 % of the map's bytes, at cells half as wide
-  (road) 1.6 times. The non-uniform grid takes less than the map, because its far cells are coarser and hold less: see the changes of belief.
-- **What a ratio does not say**: 640k cells of the non-uniform grid are coarser than the map's beyond 60 m and finer within 20 m on the road. The columns of changes and lost cells say what that costs.
-"""
-
-CHANGES = """A change of belief is |BetP before - BetP after| of a cell of the map that comes back from the layout: merged into coarser cells and split again. Lost cells lie
-outside of the layout or are not stored; a lost obstacle had BetP(O) > 0.5 before and not after: merging keeps it, but its mass is spread over four or
-more cells when they are split. All containers of sub-maps hold the same cells; their bytes differ by less than 0.1 %. The moving grid changes cells only at its border, where it holds parts of them."""
-
-RESAMPLING = """## The resampling figure
-
-Merging 2 x 2 and 8 x 8 cells by the paper's operators and by Dempster's rule, on the Intel lab at 0.05 m: pictures and counts stand in [theory.md](theory.md), "Resampling"; `tests/bench/figures.sh BIN_DIR` draws
-them. Of 16 637 occupied cells the merge of 8 x 8 loses none by `conditional` and 12 926 by `dempster`: as in the paper, where obstacles shrink and vanish. The paper's own picture
-cannot be laid beside it: its data are not public.
-
-## The columns of `--csv`
-
-| column | says |
-|---|---|
-| `time_s`, `profile`, `x_m`, `y_m` | moment of the drive, profile that holds, place of the vehicle |
-| `layout`, `values_per_cell` | `apgm` is the map itself, whose layers differ in values: empty |
-| `cells`, `known_cells`, `fill` | allocated; with data; their share |
-| `values_bytes`, `allocated_bytes`, `disk_bytes` | floats; all memory; a file with the encodings of `.apgm` |
-| `known_source_cells`, `lost_cells`, `mean_change`, `max_change`, `lost_obstacles` | cells of the map with data; changes of belief as above |
-| `find_ns` to `snapshot_ns` | with `--cost` alone; 0: does not happen there |
-"""
-
-
 def main():
     if len(sys.argv) != 2:
         sys.exit(__doc__)
@@ -336,13 +344,17 @@ def main():
     sources = [("simulated", drive)] + [(n, c) for n, c in (("fr-clinic", robot), ("Boreas", car)) if c]
     page = [HEAD]
     page += [f"{name} was not there.\n" for name, c in (("fr-clinic", robot), ("Boreas", car)) if c is None]
-    page += cells_section(stats, sources) + factors_section(sources) + [FORMULA]
-    page += layouts_section("The simulated drive by layout", "compare_drive.svg", drive, CHANGES)
+    page += cells_section(stats, sources) + factors_section(sources) + [FORMULA + disk_text(sources)]
+    over_time = "Values of each layout over time, and mean time of a shift, on {}; logarithmic"
+    page += layouts_section("The simulated drive by layout", "compare_drive.svg", over_time.format("the simulated drive"), drive, CHANGES)
     if robot:
-        page += layouts_section("fr-clinic by layout", "compare_clinic.svg", robot, "Real scans; `occupancy` alone.")
+        page += layouts_section("fr-clinic by layout", "compare_clinic.svg", over_time.format("fr-clinic"), robot,
+                                "Real scans; `occupancy` alone.")
     if car:
-        page += layouts_section("Boreas by layout", "compare_boreas.svg", car, "Motion alone: all is seen, and free. On disk equal cells "
-                                "compress to nothing, and no belief differs from its neighbours': these columns say nothing here.")
+        page += layouts_section("Boreas by layout", "compare_boreas.svg", "Values of each layout over time on Boreas; logarithmic", car,
+                                "Motion alone: all is seen, and free. Equal cells compress to nothing and no belief differs from its "
+                                "neighbours': files and changes would say nothing and are not measured ('-').")
+    page += moves_section([s for s in sources if s[1] is not car])
     page += cost_section(layouts) + fusion_section(stats, bench) + [RESAMPLING.rstrip()]
     with open(os.path.join(ROOT, "docs", "evaluation.md"), "w") as file:
         file.write("\n".join(page) + "\n")

@@ -28,13 +28,16 @@ std::vector<ToolFlags> all_tools() {
        kAll + kHeavy + std::vector<std::string>{"--layer", "--bbox", "--extended", "--history", "--get"}},
       {"convert", kAll + kWriter + kMapWriter + kHeavy +
                       std::vector<std::string>{"--layer", "--bbox", "--from", "--to", "--formats", "--set",
-                                               "--max-loss"}},
+                                               "--max-loss", "--stream", "--mtu", "--salvage"}},
       {"merge", kAll + kWriter + kMapWriter + kHeavy +
                     std::vector<std::string>{"--rule", "--discount", "--resolution", "--regrid",
-                                             "--assume-frame", "--conflict-map"}},
+                                             "--assume-frame", "--conflict-map", "--apply"}},
       {"crop",
        kAll + kWriter + kMapWriter + kHeavy +
            std::vector<std::string>{"--layer", "--bbox", "--polygon", "--like", "--snap", "--salvage"}},
+      {"diff", kAll + kHeavy +
+                   std::vector<std::string>{"--layer", "--bbox", "--level", "--tolerance", "--top", "--png",
+                                            "-O, --overwrite", "--delta", "--blame", "--stream", "--mtu"}},
       {"resample",
        kAll + kWriter + kMapWriter + kHeavy +
            std::vector<std::string>{"--layer", "--resolution", "--step", "--profile", "--at",
@@ -47,6 +50,8 @@ std::vector<ToolFlags> all_tools() {
       {"compare", kAll + std::vector<std::string>{"--at", "--layout", "--reach", "--cost", "--profile",
                                                   "--every", "--poses", "--models", "--heights", "--edge",
                                                   "--motion", "--csv", "--plot", "-O, --overwrite"}},
+      {"verify", kAll + kWriter + kHeavy + std::vector<std::string>{"--deep", "--recover", "--header-from"}},
+      {"archive", kAll},
       {"render", kAll + kWriter + kHeavy + std::vector<std::string>{"--layer", "--scale", "--colormap"}},
   };
 }
@@ -167,7 +172,9 @@ class EveryReaderTest : public CliTest, public testing::WithParamInterface<std::
  protected:
   Outcome read(const std::string& input, const std::vector<std::string>& more = {}) const {
     std::vector<std::string> arguments{input};
-    if (GetParam() != "info" && GetParam() != "compare") arguments.insert(arguments.end(), {"-o", output()});
+    if (GetParam() == "diff") arguments.push_back(input);
+    const bool writes = GetParam() != "info" && GetParam() != "compare" && GetParam() != "diff";
+    if (writes) arguments.insert(arguments.end(), {"-o", output()});
     if (GetParam() == "crop") arguments.insert(arguments.end(), {"--bbox", "0,0,5,5"});
     if (GetParam() == "resample") arguments.insert(arguments.end(), {"--step", "2"});
     arguments.insert(arguments.end(), more.begin(), more.end());
@@ -232,7 +239,8 @@ TEST_P(EveryFilterTest, UnknownLayerIsNamedWithTheKnown) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Tools, EveryReaderTest,
-                         testing::Values("info", "convert", "merge", "crop", "resample", "compare", "render"),
+                         testing::Values("info", "convert", "merge", "crop", "diff", "resample", "compare",
+                                         "render"),
                          [](const auto& verb) { return verb.param; });
 INSTANTIATE_TEST_SUITE_P(Tools, EveryFilterTest,
                          testing::Values("info", "convert", "crop", "resample", "render"),

@@ -41,6 +41,7 @@ TEST_F(InfoCliTest, DocumentHoldsTheContract) {
   EXPECT_FALSE(layer.contains("known_cells"));
   EXPECT_EQ(document["file"]["bytes"], bytes("a.apgm").size());
   EXPECT_EQ(document["file"]["format_version"], "1.0");
+  EXPECT_EQ(document["file"]["archive"], false);
   EXPECT_EQ(document["file"]["commits"], 1);
 }
 

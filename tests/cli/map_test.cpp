@@ -83,9 +83,9 @@ TEST_F(MapCliTest, CellsAreAPartOfTheEdge) {
 }
 
 TEST_F(MapCliTest, SameBytesWhateverTheMemory) {
-  put("run.log", log(400, 0.3));
+  put("run.log", log(600, 0.3));
   ASSERT_EQ(map({"run.log", "-o", "a.apgm"}).code, 0);
-  ASSERT_EQ(map({"run.log", "-j", "1", "--max-memory", "1M", "-o", "b.apgm"}).code, 0);
+  ASSERT_EQ(map({"run.log", "-j", "1", "--max-memory", "24M", "-o", "b.apgm"}).code, 0);
   ASSERT_EQ(map({"run.log", "-o", "c.apgm"}).code, 0);
   EXPECT_EQ(bytes("a.apgm"), bytes("c.apgm"));
   EXPECT_EQ(bytes("a.apgm"), bytes("b.apgm"));
@@ -279,16 +279,17 @@ TEST_F(MapCliTest, MemoryDoesNotGrowWithTheMap) {
   const auto peak_mib = [&](int scans) {
     put("run.log", log(scans, 2));
     const Outcome outcome =
-        map({"-O", "-v", "-j2", "--resolution", "0.05", "--max-memory", "16M", "run.log", "-o", "a.apgm"});
+        map({"-O", "-v", "-j2", "--resolution", "0.05", "--max-memory", "24M", "run.log", "-o", "a.apgm"});
     EXPECT_EQ(outcome.code, 0) << outcome.err;
     const std::string label = "peak memory ";
     return std::stod(outcome.err.substr(outcome.err.find(label) + label.size()));
   };
   const double small = peak_mib(100);
   EXPECT_GT(small, 1);
-  const double large = peak_mib(1100);
+  const double large = peak_mib(1600);
   const double map_mib = info("a.apgm")["map"]["patches"].get<double>() / 2;
-  EXPECT_GT(map_mib, 10 * 16);
+  EXPECT_GT(map_mib, 10 * 24);
+  EXPECT_LE(large, 24);
   EXPECT_LT(large, small + 4);
   EXPECT_LT(large, map_mib / 2);
 }
@@ -423,7 +424,7 @@ TEST_F(MapCliTest, RealLogWithSmallMemory) {
   const Json document = Json::parse(whole.out);
   EXPECT_EQ(document["scans"], 906);
   EXPECT_GT(document["times_real_time"], 50);
-  ASSERT_EQ(map({"-q", "--max-memory", "2M", recording, "-o", "b.apgm"}).code, 0);
+  ASSERT_EQ(map({"-q", "--max-memory", "24M", recording, "-o", "b.apgm"}).code, 0);
   EXPECT_EQ(bytes("a.apgm"), bytes("b.apgm"));
 }
 

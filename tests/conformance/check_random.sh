@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Random maps through the library's reader and the one in Python: same dumps.
+# Random maps, archives and broken streams through the library's readers and the one in Python: same dumps.
 #   check_random.sh MAKE_CORPUS PYTHON READER
 set -euo pipefail
 made="$(mktemp -d)"

@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "apgm/core/error.hpp"
+#include "apgm/format/verify.hpp"
 #include "dump.hpp"
 #include "sha256.hpp"
 
@@ -19,10 +21,10 @@ json read_json(const fs::path& path) {
   return json::parse(in);
 }
 
-std::vector<fs::path> files_in(const fs::path& dir) {
+std::vector<fs::path> files_in(const fs::path& dir, const char* extension = ".apgm") {
   std::vector<fs::path> files;
   for (const auto& entry : fs::directory_iterator(dir)) {
-    if (entry.path().extension() == ".apgm") files.push_back(entry.path());
+    if (entry.path().extension() == extension) files.push_back(entry.path());
   }
   std::ranges::sort(files);
   return files;
@@ -59,6 +61,99 @@ TEST(ConformanceTest, BadFilesAreRefusedAsExpected) {
       continue;
     }
     EXPECT_EQ(found.value("refused", "not"), line["refused"]) << path << ": " << line["rule"];
+  }
+}
+
+TEST(ConformanceTest, GoodArchivesHoldWhatIsExpected) {
+  const auto files = files_in(kCorpus / "archives" / "good");
+  ASSERT_GE(files.size(), 25u);
+  for (fs::path path : files) {
+    const json found = result_of_archive(path.string());
+    EXPECT_EQ(found, read_json(path.replace_extension(".json"))) << path;
+  }
+}
+
+TEST(ConformanceTest, BadArchivesAreRefusedAsExpected) {
+  const auto files = files_in(kCorpus / "archives" / "bad");
+  const json expected = read_json(kCorpus / "archives" / "bad" / "expected.json");
+  ASSERT_GE(files.size(), 70u);
+  EXPECT_EQ(files.size(), expected.size());
+  for (const fs::path& path : files) {
+    const json& line = expected.at(path.stem().string());
+    const std::string last = result_of(path.string()).value("refused", "not");
+    const std::string all = result_of_archive(path.string()).value("refused", "not");
+    EXPECT_EQ(last, line["by"] == "reading" ? line["refused"] : "not") << path << ": " << line["rule"];
+    EXPECT_EQ(all, line["by"] == "verification" ? "not" : line["refused"]) << path << ": " << line["rule"];
+  }
+}
+
+TEST(ConformanceTest, StreamsAreReceivedAsExpected) {
+  for (const char* folder : {"good", "lossy"}) {
+    const auto files = files_in(kCorpus / "streams" / folder, ".apgms");
+    ASSERT_GE(files.size(), 15u);
+    for (fs::path path : files) {
+      const json found = dump_stream(path.string());
+      json expected = read_json(path.replace_extension(".json"));
+      expected.erase("rule");
+      EXPECT_EQ(found, expected) << path;
+      if (folder == std::string("good")) {
+        EXPECT_TRUE(found["complete"]) << path;
+      }
+    }
+  }
+}
+
+/// "", or as what verification refuses a file; in `text` what it says.
+std::string verified(const fs::path& path, bool deep, std::string& text) {
+  VerifyOptions options;
+  options.deep = deep;
+  try {
+    const VerifyReport report = verify(path.string(), options);
+    for (const Problem& problem : report.problems) text += problem.text + "; ";
+    return report.valid() ? "" : "damaged";
+  } catch (const Error& e) {
+    text = e.message();
+    return to_string(e.code());
+  }
+}
+
+TEST(ConformanceTest, VerificationFindsNothingInGoodFiles) {
+  for (const fs::path& path : files_in(kCorpus / "good")) {
+    std::string text;
+    EXPECT_EQ(verified(path, true, text), "") << path << ": " << text;
+  }
+}
+
+TEST(ConformanceTest, VerificationFindsAllBadFiles) {
+  const json expected = read_json(kCorpus / "bad" / "expected.json");
+  std::size_t only_by_verification = 0;
+  for (const fs::path& path : files_in(kCorpus / "bad")) {
+    const json& line = expected.at(path.stem().string());
+    std::string text;
+    EXPECT_EQ(verified(path, true, text), line["refused"]) << path << ": " << line["rule"] << ": " << text;
+    if (line["by"] != "verification") continue;
+    ++only_by_verification;
+    EXPECT_EQ(verified(path, false, text), line["refused"]) << path << ": " << line["rule"] << ": " << text;
+  }
+  EXPECT_GE(only_by_verification, 14u);
+}
+
+TEST(ConformanceTest, VerificationFindsNothingButTornEndsInGoodArchives) {
+  for (fs::path path : files_in(kCorpus / "archives" / "good")) {
+    std::string text;
+    const std::string found = verified(path, true, text);
+    const json expected = read_json(path.replace_extension(".json"));
+    EXPECT_EQ(found, expected["uncommitted_bytes"] == 0 ? "" : "damaged") << path << ": " << text;
+    EXPECT_EQ(text, "") << path;
+  }
+}
+
+TEST(ConformanceTest, VerificationFindsAllBadArchives) {
+  const json expected = read_json(kCorpus / "archives" / "bad" / "expected.json");
+  for (const fs::path& path : files_in(kCorpus / "archives" / "bad")) {
+    const json& line = expected.at(path.stem().string());
+    std::string text;
+    EXPECT_EQ(verified(path, true, text), line["refused"]) << path << ": " << line["rule"] << ": " << text;
   }
 }
 

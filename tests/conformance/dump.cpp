@@ -7,7 +7,10 @@
 #include <vector>
 
 #include "apgm/core/error.hpp"
+#include "apgm/format/stream.hpp"
+#include "apgm/format/stream_map.hpp"
 #include "sha256.hpp"
+#include "temp_dir.hpp"
 
 namespace apgm::test {
 namespace {
@@ -78,43 +81,140 @@ std::string line_of(const json& layer) {
   return line + "\n";
 }
 
-}  // namespace
-
-json dump(const Reader& reader) {
-  const Summary summary = reader.summary();
-  json layers = json::array();
+struct Layers {
+  json list = json::array();
   std::string lines;
-  const auto cursor = reader.patches();
+};
+
+Layers layers_of(const PatchSource& map) {
+  Layers layers;
+  const auto cursor = map.patches();
   PatchInfo patch;
   Layer layer;
   while (cursor->next(patch)) {
     for (const LayerInfo& info : patch.layers) {
-      reader.load(info, layer);
-      layers.push_back(dump_layer(info, reader.header().types[info.type], layer));
-      lines += line_of(layers.back());
+      map.load(info, layer);
+      layers.list.push_back(dump_layer(info, map.header().types[info.type], layer));
+      layers.lines += line_of(layers.list.back());
     }
   }
-  json out{{"version", {reader.file().version_major, reader.file().version_minor}},
-           {"bytes", reader.file().file_bytes},
-           {"content_id", reader.content_id()},
-           {"header", dump_header(reader.header())},
+  return layers;
+}
+
+std::string digest(const Layers& layers) { return sha256(std::as_bytes(std::span(layers.lines))); }
+
+json dump_map(const PatchSource& map) {
+  const Summary summary = map.summary();
+  const Layers layers = layers_of(map);
+  json out{{"content_id", map.content_id()},
+           {"header", dump_header(map.header())},
            {"patches", summary.patches},
            {"range", {summary.range.min.x, summary.range.min.y, summary.range.max.x, summary.range.max.y}},
-           {"layers", layers.size()}};
-  if (layers.size() <= kListedLayers) {
-    out["list"] = layers;
+           {"layers", layers.list.size()}};
+  if (layers.list.size() <= kListedLayers) {
+    out["list"] = layers.list;
   } else {
-    out["list_sha256"] = sha256(std::as_bytes(std::span(lines)));
+    out["list_sha256"] = digest(layers);
   }
   return out;
 }
 
-json result_of(const std::string& path) {
+/// Notes the ends of messages, and makes the map.
+struct Receiver final : StreamHandler {
+  void header(const MapHeader& header) override { map.header(header); }
+  void layer(const StreamLayer& layer) override { map.layer(layer); }
+  void gone(const StreamGone& gone) override { map.gone(gone); }
+  void end(const StreamEnd& end) override {
+    map.end(end);
+    ends.push_back({{"base", end.ids.base},
+                    {"result", end.ids.result},
+                    {"whole", end.whole},
+                    {"layers", end.layers},
+                    {"gone", end.gone},
+                    {"missing", end.missing}});
+  }
+
+  TempDir dir;
+  StreamMap map{dir.path()};
+  json ends = json::array();
+};
+
+template <typename Work>
+json result_of_work(Work work) {
   try {
-    return dump(Reader(path));
+    return work();
   } catch (const Error& e) {
     return {{"refused", to_string(e.code())}};
   }
+}
+
+}  // namespace
+
+json dump(const Reader& reader) {
+  json out = dump_map(reader);
+  out["version"] = {reader.file().version_major, reader.file().version_minor};
+  out["bytes"] = reader.file().file_bytes;
+  return out;
+}
+
+json dump_archive(const std::string& path) {
+  const Reader last(path);
+  json out = dump(last);
+  out["uncommitted_bytes"] = last.file().uncommitted_bytes;
+  json commits = json::array();
+  for (const CommitInfo& info : last.commits()) {
+    const Reader reader(path, {.commit = info.number});
+    commits.push_back({{"number", info.number},
+                       {"content_id", info.content_id},
+                       {"stamp_ns", info.stamp_ns},
+                       {"patches", info.patches},
+                       {"layers", info.layers},
+                       {"added_bytes", info.added_bytes},
+                       {"message", info.message},
+                       {"tags", info.tags},
+                       {"list_sha256", digest(layers_of(reader))}});
+  }
+  out["commits"] = commits;
+  return out;
+}
+
+json dump_stream(const std::string& path) {
+  Receiver receiver;
+  StreamReader reader(receiver);
+  const std::string bytes = read_file(path);
+  reader.feed(std::as_bytes(std::span(bytes)));
+  reader.finish();
+  const StreamReport r = reader.report();
+  json as_said;
+  if (const auto said = receiver.map.is_as_said()) as_said = *said;
+  return {{"bytes", r.bytes},
+          {"complete", r.complete()},
+          {"as_said", as_said},
+          {"ends", receiver.ends},
+          {"map", receiver.map.has_header() ? dump_map(receiver.map) : json()},
+          {"counts",
+           {{"blocks", r.blocks},
+            {"messages", r.messages},
+            {"layers", r.layers},
+            {"gone", r.gone},
+            {"damaged", r.damaged},
+            {"lost", r.lost},
+            {"duplicate", r.duplicate},
+            {"late", r.late},
+            {"superseded", r.superseded},
+            {"incomplete", r.incomplete},
+            {"without_header", r.without_header},
+            {"unsupported", r.unsupported},
+            {"skipped_bytes", r.skipped_bytes},
+            {"unusable", receiver.map.unusable()}}}};
+}
+
+json result_of_archive(const std::string& path) {
+  return result_of_work([&] { return dump_archive(path); });
+}
+
+json result_of(const std::string& path) {
+  return result_of_work([&] { return dump(Reader(path)); });
 }
 
 }  // namespace apgm::test

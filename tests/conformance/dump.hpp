@@ -12,6 +12,16 @@ namespace apgm::test {
 /// @throws Error as Reader
 nlohmann::json dump(const Reader& reader);
 
+/// `dump` of the last commit, `commits`, each read to its cells, and `uncommitted_bytes`.
+/// @throws Error as Reader
+nlohmann::json dump_archive(const std::string& path);
+
+/// The map that the stream in a file makes, the ends of its messages, and what was counted.
+nlohmann::json dump_stream(const std::string& path);
+
+/// How the archive is refused, or `dump_archive`.
+nlohmann::json result_of_archive(const std::string& path);
+
 /// `dump`, or how the file is refused: {"refused": "damaged"}.
 nlohmann::json result_of(const std::string& path);
 

@@ -38,6 +38,11 @@ class LayerType:
             check(all(abs(z) <= MAX_SLAB for z in self.slab), "a slab beyond its limit")
             check(self.slab[0] < self.slab[1], "an empty slab")
 
+    def place(self, number):
+        """What must be the same wherever a Layer block is shared, with the type's number."""
+        is_zero = bool(self.hypotheses) or self.policy == "sum"
+        return number, self.name, self.hypotheses, self.channels, self.slab, is_zero
+
     def dump(self):
         return {"name": self.name, "hypotheses": self.hypotheses, "channels": self.channels,
                 "policy": self.policy, "slab_um": self.slab}
@@ -87,6 +92,9 @@ class MapHeader:
             check(plain(operation), "operation of a history entry")
             check(len(inputs) <= MAX_INPUTS and all(i and plain(i) for i in inputs), "inputs of a history entry")
             self.history.append({"operation": operation, "inputs": inputs, "parameters": parameters})
+
+    def frame(self):
+        return self.edge, *self.datum, self.epsg, self.frame_id
 
     def dump(self):
         return {"edge_um": self.edge, "datum_um": self.datum, "epsg": self.epsg or None,

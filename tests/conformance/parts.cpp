@@ -63,16 +63,32 @@ std::string root_payload(const std::vector<fbs::PageRef>& pages, const std::vect
 /// Lays block after block and remembers what index and footer say of them.
 class Builder {
  public:
-  Builder(const Parts& parts, const Hooks& hooks) : parts_(parts), hooks_(hooks) {}
+  Builder(const Parts& parts, const Hooks& hooks, ArchiveParts* archive = nullptr)
+      : parts_(parts), hooks_(hooks), archive_(archive) {}
 
   std::string run() {
-    preamble();
+    begin();
     map_header();
     for (const StoredPart& part : parts_.layers) layer(part);
     if (!page_.empty()) page();
     root();
     footer();
+    end();
     return out_;
+  }
+
+  /// The index is that of the last commit.
+  void run_header_only() {
+    begin();
+    footer_ = archive_->footer;
+    footer_.previous = archive_->last_footer;
+    commit_ = footer_.commits;
+    map_header();
+    entries_ = archive_->entries;
+    footer_.file_bytes = out_.size() + sizeof(BlockHead) + sizeof(Footer);
+    if (hooks_.footer) hooks_.footer(footer_);
+    add_footer();
+    end();
   }
 
  private:
@@ -80,8 +96,27 @@ class Builder {
     std::uint64_t offset, bytes, hash;
   };
 
+  void begin() {
+    if (archive_ != nullptr) {
+      footer_.commits = commit_ = archive_->next_number;
+      footer_.previous = archive_->last_footer;
+      out_ = archive_->bytes;
+    }
+    if (out_.empty()) preamble();
+  }
+
+  void end() {
+    if (archive_ == nullptr) return;
+    archive_->next_number = footer_.commits + 1;
+    archive_->last_footer = out_.size() - sizeof(BlockHead) - sizeof(Footer);
+    archive_->bytes = out_;
+    archive_->footer = footer_;
+    archive_->entries = entries_;
+  }
+
   Placed add(BlockHead head, std::string payload) {
     if (head.kind != kFooter) come_before(head.kind);
+    head.commit = commit_;
     if (hooks_.payload) hooks_.payload(head, payload);
     head.p = payload.size();
     head.payload_hash = hash_of(payload.data(), payload.size());
@@ -106,6 +141,7 @@ class Builder {
                 "APGM\r\n\x1a",
                 p.magic.size());
     p.major = 1;
+    if (archive_ != nullptr) p.minor = 1, p.compat = 1;
     if (hooks_.preamble) hooks_.preamble(p);
     p.hash = hash_of(&p, offsetof(Preamble, hash));
     out_ = text_of(p);
@@ -125,6 +161,7 @@ class Builder {
   }
 
   void layer(const StoredPart& part) {
+    if (part.entry.offset != 0) return list(part.entry);
     const std::string flat = layer_flat(part);
     BlockHead head;
     head.kind = kLayer;
@@ -135,6 +172,10 @@ class Builder {
     e.offset = placed.offset;
     e.bytes = static_cast<std::uint32_t>(placed.bytes);
     e.payload_hash = placed.hash;
+    list(e);
+  }
+
+  void list(const Entry& e) {
     page_.push_back(e);
     if (page_.size() == parts_.page_entries) page();
   }
@@ -156,6 +197,7 @@ class Builder {
   void page() {
     if (hooks_.page) hooks_.page(page_);
     PatchRange range;
+    entries_.insert(entries_.end(), page_.begin(), page_.end());
     for (const Entry& e : page_) {
       count(e);
       range.add(PatchIndex{e.ix, e.iy});
@@ -197,6 +239,10 @@ class Builder {
     footer_.content_id = id_.value();
     footer_.file_bytes = out_.size() + sizeof(BlockHead) + sizeof(Footer);
     if (hooks_.footer) hooks_.footer(footer_);
+    add_footer();
+  }
+
+  void add_footer() {
     BlockHead head;
     head.kind = kFooter;
     add(head, text_of(footer_));
@@ -209,10 +255,13 @@ class Builder {
 
   const Parts& parts_;
   const Hooks& hooks_;
+  ArchiveParts* archive_;
+  std::uint64_t commit_ = 1;
   std::string out_;
   format::ContentId id_{parts_.header};
   std::vector<Total> totals_;
   std::vector<Entry> page_;
+  std::vector<Entry> entries_;
   std::vector<fbs::PageRef> pages_;
   PatchRange range_;
   std::uint64_t last_key_ = 0;
@@ -222,6 +271,16 @@ class Builder {
 }  // namespace
 
 std::string put_together(const Parts& parts, const Hooks& hooks) { return Builder(parts, hooks).run(); }
+
+void append_commit(ArchiveParts& archive, const Parts& parts, const Hooks& hooks) {
+  Builder(parts, hooks, &archive).run();
+}
+
+void replace_header(ArchiveParts& archive, const MapHeader& header, const Hooks& hooks) {
+  Parts parts;
+  parts.header = header;
+  Builder(parts, hooks, &archive).run_header_only();
+}
 
 std::string make_block(BlockHead head, const std::string& payload) {
   head.p = payload.size();

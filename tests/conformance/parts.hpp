@@ -90,6 +90,23 @@ struct Hooks {
 /// Whole file from its pieces.
 std::string put_together(const Parts& parts, const Hooks& hooks = {});
 
+/// An archive that grows commit by commit.
+struct ArchiveParts {
+  std::string bytes;
+  std::uint64_t next_number = 1;
+  std::uint64_t last_footer = 0;  ///< its offset; 0: none
+  Footer footer;                  ///< the last
+  std::vector<Entry> entries;     ///< of the last commit
+
+  /// A layer of the last commit, to be named by the next one instead of being stored again.
+  StoredPart shared(std::size_t i) const { return {entries.at(i), 0, {}}; }
+};
+
+/// Adds a commit. Parts whose entry has an offset are named where they are.
+void append_commit(ArchiveParts& archive, const Parts& parts, const Hooks& hooks = {});
+/// Adds a MapHeader and a Footer that replace the header of the last commit.
+void replace_header(ArchiveParts& archive, const MapHeader& header, const Hooks& hooks = {});
+
 /// A block of any kind, with right hashes; for `Hooks::before`.
 std::string make_block(BlockHead head, const std::string& payload);
 

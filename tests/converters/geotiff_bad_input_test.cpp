@@ -270,7 +270,8 @@ TEST_F(GeoTiffBadInput, ABudgetBoundsTheCacheAndRefusesLargeBlocks) {
   EXPECT_EQ(GDALGetCacheMax64(), 64 * kMiB);
   // Tiles of 128 x 128 floats take 64 KiB, three times.
   EXPECT_EQ(testing::content_id(*within(192 << 10)), testing::content_id(map));
-  expect(error_of([&] { within(191 << 10); }), ErrorCode::kLimit, "a block of band 1 of", "--max-memory");
+  expect(error_of([&] { within(191 << 10); }), ErrorCode::kLimit, "a block of band 1 of",
+         "allow at least 1 MiB");
 }
 
 TEST_F(GeoTiffBadInput, DamagedFilesFailOrReadButNeverCrash) {

@@ -382,7 +382,7 @@ TEST_F(NumpyBadInput, ASmallFileIsNotUnpackedWithoutBound) {
   EXPECT_LT(std::filesystem::file_size(dir_ / "a.npz"), 4u << 20);
   const Error error = error_of([&] { open(numpy(), dir_ / "a.npz"); });
   expect(error, ErrorCode::kLimit, "272629760 values, more than memory is given");
-  EXPECT_THAT(error.hint(), HasSubstr("raise --max-memory"));
+  EXPECT_THAT(error.hint(), HasSubstr("allow at least 1040 MiB, or cut the array"));
 }
 
 TEST_F(NumpyBadInput, MemoryIsBounded) {

@@ -76,6 +76,18 @@ TEST(SampleProgramsTest, CopyOfALiveMapStaysEqual) {
   EXPECT_EQ(run("04_map_live " + (dir / "near.apgm")).code, 5);  // exists
 }
 
+TEST(SampleProgramsTest, TheMapOfSensorModulesIsTheOneFusedInOneProcess) {
+  const test::TempDir dir;
+  const Outcome linked = run("05_sensor_link " + (dir / "hall.apgm") + " 5000000");
+  EXPECT_EQ(linked.code, 0) << linked.output;
+  EXPECT_THAT(linked.output, HasSubstr("layers in 12 messages"));
+  EXPECT_THAT(linked.output, HasSubstr("equal to the map fused in one process"));
+  EXPECT_GT(Reader(dir / "hall.apgm").summary().patches, 2u);
+  EXPECT_EQ(run("05_sensor_link").code, 2);
+  EXPECT_EQ(run("05_sensor_link " + (dir / "other.apgm") + " 0").code, 2);
+  EXPECT_EQ(run("05_sensor_link " + (dir / "hall.apgm") + " 5000000").code, 5);  // exists
+}
+
 TEST(DriveMapTest, WritesStatisticsAndTheLiveMap) {
   const test::TempDir dir;
   const std::string command = "drive-map --from 155.5 --seconds 1 --stats " + (dir / "a.csv");

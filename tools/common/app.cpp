@@ -123,11 +123,8 @@ void parse(CLI::App& app, const std::vector<std::string>& arguments) {
   refuse_swallowed_options(app);
 }
 
-std::string hint_for(const Error& error) {
-  constexpr std::string_view kAllow = "allow at least ";  // of an operation with a memory budget
-  if (error.code() == ErrorCode::kLimit && error.hint().starts_with(kAllow)) {
-    return "pass --max-memory with at least " + error.hint().substr(kAllow.size());
-  }
+std::string hint_for(const Session& session, const Error& error) {
+  if (const std::string hint = session.memory_hint(error); !hint.empty()) return hint;
   if (!error.hint().empty()) return error.hint();
   if (error.code() == ErrorCode::kForeign) return "apgm-convert reads: " + foreign_formats();
   return {};
@@ -142,7 +139,7 @@ std::string message_for(const Error& error) {
 int fail(Session& session, const Error& error) {
   const bool pipe = error.code() == ErrorCode::kOutput && session.stdout_is_output && stdout_is_broken();
   if (pipe) return kExitPipe;
-  session.fail(to_string(error.code()), message_for(error), hint_for(error), error.path(),
+  session.fail(to_string(error.code()), message_for(error), hint_for(session, error), error.path(),
                error.offset_bytes());
   return exit_code(error.code());
 }

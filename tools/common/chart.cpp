@@ -92,15 +92,16 @@ class LinePainter {
     height_ = std::max(kHeight, kTop + 18.0 * static_cast<double>(chart.lines.size()) + 20);
   }
 
-  std::string svg() const {
+  std::string body() const {
     std::string out = background() + scales();
     for (std::size_t i = 0; i < chart_.lines.size(); ++i) out += curve(i);
-    out += text_at(kLeft, 18, chart_.title, "start", " font-weight=\"bold\"");
-    return document(kWidth, height_, out);
+    return out + text_at(kLeft, 18, chart_.title, "start", " font-weight=\"bold\"");
   }
+  double height() const { return height_; }
+  static constexpr double kWidth = 980;
 
  private:
-  static constexpr double kWidth = 980, kHeight = 360, kLeft = 70, kRight = 230, kTop = 32, kBottom = 42;
+  static constexpr double kHeight = 360, kLeft = 70, kRight = 230, kTop = 32, kBottom = 42;
   static constexpr double kLetter = 6.8;  // width of a letter, at most
 
   double x(double time) const {
@@ -166,7 +167,16 @@ class LinePainter {
 
 }  // namespace
 
-std::string to_svg(const LineChart& chart) { return LinePainter(chart).svg(); }
+std::string to_svg(const std::vector<LineChart>& charts) {
+  std::string out;
+  double top = 0;
+  for (const LineChart& chart : charts) {
+    const LinePainter painter(chart);
+    out += fmt::format("<g transform=\"translate(0 {:.1f})\">\n{}</g>\n", top, painter.body());
+    top += painter.height();
+  }
+  return document(LinePainter::kWidth, top, out);
+}
 
 std::string to_svg(const BarChart& chart) {
   constexpr double kWidth = 900, kLeft = 170, kRight = 170, kTop = 54, kBar = 13, kGap = 10;

@@ -37,7 +37,8 @@ struct BarChart {
 };
 
 /// SVG documents; the same text for the same numbers.
-std::string to_svg(const LineChart& chart);
+/// Charts of lines stand one above the other.
+std::string to_svg(const std::vector<LineChart>& charts);
 std::string to_svg(const BarChart& chart);
 
 }  // namespace apgm::tools

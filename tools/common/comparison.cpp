@@ -2,18 +2,24 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 
 #include "apgm/core/error.hpp"
 #include "apgm/format/message.hpp"
 #include "apgm/layouts/moving_grid.hpp"
 #include "apgm/layouts/submap_grid.hpp"
+#include "converters/common/choose.hpp"
+#include "converters/common/file.hpp"
 #include "converters/fixed_grid/layout_file.hpp"
+#include "tools/common/layout_foreign.hpp"
+#include "tools/common/layout_travel.hpp"
 
 namespace apgm::tools {
 namespace {
 
 constexpr std::uint64_t kSeed = 1;
+/// The program, its buffers, and what the allocator keeps.
+constexpr double kOtherBytes = 64 << 20;
+constexpr double kMostBytes = 1e18;
 
 /// Between layouts of the same blocks.
 void copy_cells(const Layout& from, Layout& to) {
@@ -29,77 +35,11 @@ void copy_cells(const Layout& from, Layout& to) {
   });
 }
 
-class Comparer {
- public:
-  Comparer(const Map& map, Point vehicle, const CompareOptions& options)
-      : map_(map), vehicle_(vehicle), options_(options), schema_(map.header().types) {}
-
-  LayoutRow own_row() const {
-    LayoutRow row;
-    row.layout = "apgm";
-    row.footprint = footprint(map_);
-    if (options_.disk) row.disk_bytes = to_bytes(map_).size();
-    if (options_.change) row.change = BeliefChange{.known_cells = row.footprint.known_cells};
-    if (options_.cost && row.footprint.cells > 0) row.cost = measure_cost(map_, kSeed);
-    return row;
-  }
-
-  LayoutRow row(std::unique_ptr<Layout> layout) const {
-    layout->move_to(vehicle_);
-    fill(*layout, map_);
-    LayoutRow row = measured(*layout);
-    if (options_.disk) row.disk_bytes = converters::encode_layout(*layout).size();
-    if (options_.change) row.change = change(*layout);
-    return row;
-  }
-
-  /// The containers of sub-maps hold the same cells: they are made once, and have one file and one change.
-  void add_submaps(double cell_m, std::vector<LayoutRow>& rows) const {
-    std::unique_ptr<Layout> first;
-    for (const SubMapContainer container : kSubMapContainers) {
-      auto layout = make_submap_grid(schema_, map_.header().frame, cell_m, container);
-      if (first == nullptr) {
-        fill(*layout, map_);
-        rows.push_back(measured(*layout));
-        if (options_.disk) rows.back().disk_bytes = converters::encode_layout(*layout).size();
-        if (options_.change) rows.back().change = change(*layout);
-        first = std::move(layout);
-        continue;
-      }
-      copy_cells(*first, *layout);
-      LayoutRow row = measured(*layout);
-      row.disk_bytes = rows.back().disk_bytes;
-      row.change = rows.back().change;
-      rows.push_back(std::move(row));
-    }
-  }
-
-  const CellSchema& schema() const { return schema_; }
-
- private:
-  LayoutRow measured(const Layout& layout) const {
-    LayoutRow row;
-    row.layout = layout.name();
-    row.values_per_cell = schema_.values();
-    row.footprint = layout.footprint();
-    if (options_.cost && row.footprint.cells > 0) row.cost = measure_cost(layout, vehicle_, kSeed);
-    return row;
-  }
-
-  std::optional<BeliefChange> change(const Layout& layout) const {
-    try {
-      return belief_change(layout, map_);
-    } catch (const Error& error) {
-      if (error.code() != ErrorCode::kIncompatible) throw;
-      return {};
-    }
-  }
-
-  const Map& map_;
-  Point vehicle_;
-  const CompareOptions& options_;
-  CellSchema schema_;
-};
+std::uint64_t raw_bytes(const Map& map) {
+  std::uint64_t bytes = 0;
+  for (const Summary::OfType& type : map.summary().types) bytes += type.raw_bytes;
+  return bytes;
+}
 
 }  // namespace
 
@@ -135,18 +75,149 @@ std::optional<double> farthest_m(const Schedule& schedule) {
   return most;
 }
 
-std::vector<LayoutRow> compare_layouts(const Map& map, Point vehicle, const CompareOptions& options) {
-  const Comparer comparer(map, vehicle, options);
-  const Frame& frame = map.header().frame;
-  std::vector<LayoutRow> rows{comparer.own_row()};
-  for (const NonUniformPlan& plan : options.plans) {
-    rows.push_back(comparer.row(make_nonuniform_grid(comparer.schema(), frame, plan)));
+struct LayoutComparison::State {
+  State(const Map& map, const CompareOptions& o)
+      : options(o), schema(map.header().types), frame(map.header().frame) {
+    const double cell_m = options.finest_cell_m;
+    const double reach_m = std::ceil(options.reach_m / cell_m - 1e-9) * cell_m;
+    add_bytes(4 * reach_m * reach_m / (cell_m * cell_m));
+    for (const NonUniformPlan& plan : options.plans) add_bytes(static_cast<double>(plan.cells()));
+    check_memory(map);
+    for (const NonUniformPlan& plan : options.plans) {
+      travellers.emplace_back(make_nonuniform_grid(schema, frame, plan), options.cost);
+    }
+    travellers.emplace_back(make_moving_grid(schema, frame, cell_m, reach_m), options.cost);
   }
-  const double cell_m = options.finest_cell_m;
-  const double reach_m = std::ceil(options.reach_m / cell_m - 1e-9) * cell_m;
-  rows.push_back(comparer.row(make_moving_grid(comparer.schema(), frame, cell_m, reach_m)));
-  comparer.add_submaps(cell_m, rows);
-  return rows;
+
+  void move_to(Point to, const Map* map) {
+    vehicle = to;
+    for (TravellingLayout& t : travellers) t.move_to(vehicle, map);
+  }
+
+  std::vector<LayoutRow> rows(const Map& map) {
+    check_memory(map);
+    std::vector<LayoutRow> rows{own_row(map)};
+    for (TravellingLayout& t : travellers) {
+      converters::check_cancelled(options.run);
+      fill(t.layout(), map);
+      rows.push_back(whole_row(t.layout(), map));
+      const TravellingLayout::Shifts shifts = t.take_shifts();
+      rows.back().shifts = shifts.count;
+      if (rows.back().cost && shifts.count > 0) {
+        rows.back().cost->shift_ns = shifts.spent_ns / static_cast<double>(shifts.count);
+      }
+    }
+    add_submaps(map, rows);
+    if (!options.disk || !options.foreign) return rows;
+    for (LayoutRow& row : foreign_rows(map, options.change, options.run)) rows.push_back(std::move(row));
+    return rows;
+  }
+
+ private:
+  LayoutRow own_row(const Map& map) const {
+    LayoutRow row;
+    row.layout = "apgm";
+    row.footprint = footprint(map);
+    if (options.disk) row.disk_bytes = to_bytes(map).size();
+    if (options.change) row.change = BeliefChange{.known_cells = row.footprint.known_cells};
+    if (options.cost && row.footprint.cells > 0) row.cost = measure_cost(map, kSeed);
+    return row;
+  }
+
+  LayoutRow row_in_memory(const Layout& layout) const {
+    LayoutRow row;
+    row.layout = layout.name();
+    row.values_per_cell = schema.values();
+    row.footprint = layout.footprint();
+    if (options.cost && row.footprint.cells > 0) row.cost = measure_cost(layout, vehicle, kSeed);
+    return row;
+  }
+
+  LayoutRow whole_row(const Layout& layout, const Map& map) const {
+    LayoutRow row = row_in_memory(layout);
+    if (options.disk) row.disk_bytes = converters::encode_layout(layout).size();
+    if (options.change) row.change = change(layout, map);
+    return row;
+  }
+
+  /// The containers of sub-maps hold the same cells: these are made once, and have one file and one change.
+  void add_submaps(const Map& map, std::vector<LayoutRow>& rows) const {
+    const auto made = [&](SubMapContainer container) {
+      return make_submap_grid(schema, frame, options.finest_cell_m, container);
+    };
+    const auto first = made(SubMapContainer::kSortedVector);
+    fill(*first, map);
+    const LayoutRow of_first = whole_row(*first, map);
+    for (const SubMapContainer container : kSubMapContainers) {
+      converters::check_cancelled(options.run);
+      LayoutRow row = of_first;
+      if (container != SubMapContainer::kSortedVector) {
+        const auto layout = made(container);
+        try {
+          copy_cells(*first, *layout);
+          row = row_in_memory(*layout);
+        } catch (const Error& error) {
+          // A table of the whole extent, for patches that lie far apart.
+          if (error.code() != ErrorCode::kLimit) throw;
+          row.layout = layout->name();
+          row.in_memory = false;
+          row.cost.reset();
+          row.note = error.message();
+        }
+        row.disk_bytes = of_first.disk_bytes;
+        row.change = of_first.change;
+      }
+      rows.push_back(std::move(row));
+    }
+  }
+
+  static std::optional<BeliefChange> change(const Layout& layout, const Map& map) {
+    try {
+      return belief_change(layout, map);
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kIncompatible) throw;
+      return {};
+    }
+  }
+
+  double bytes_of(double cells) const { return cells * schema.values() * sizeof(float); }
+
+  void add_bytes(double cells) {
+    moving_bytes += bytes_of(cells);
+    largest_bytes = std::max(largest_bytes, bytes_of(cells));
+  }
+
+  /// Before layouts are made, and before rows of a map that grew.
+  void check_memory(const Map& map) const {
+    const double per_side = frame.edge_m() / options.finest_cell_m;
+    const double submaps = bytes_of(static_cast<double>(map.size()) * per_side * per_side);
+    // What each gives back, as a file, a copy or a map, one after the other; two containers at a time.
+    const double need = kOtherBytes + 2 * static_cast<double>(raw_bytes(map)) + moving_bytes + submaps +
+                        2 * std::max(largest_bytes, submaps);
+    converters::check_budget(options.run.max_memory_bytes,
+                             static_cast<std::uint64_t>(std::min(need, kMostBytes)),
+                             "the memory budget does not hold the layouts",
+                             "choose a smaller --reach or cut a part out with apgm-crop");
+  }
+
+  CompareOptions options;
+  CellSchema schema;
+  Frame frame;
+  std::vector<TravellingLayout> travellers;
+  Point vehicle;
+  double moving_bytes = 0, largest_bytes = 0;
+};
+
+LayoutComparison::LayoutComparison(const Map& map, const CompareOptions& options)
+    : state_(std::make_unique<State>(map, options)) {}
+LayoutComparison::~LayoutComparison() = default;
+void LayoutComparison::move_to(Point vehicle, const Map* map) { state_->move_to(vehicle, map); }
+std::vector<LayoutRow> LayoutComparison::rows(const Map& map) { return state_->rows(map); }
+
+std::vector<LayoutRow> compare_layouts(const Map& map, Point vehicle, const CompareOptions& options) {
+  LayoutComparison comparison(map, options);
+  comparison.move_to(vehicle, nullptr);
+  return comparison.rows(map);
 }
 
 }  // namespace apgm::tools

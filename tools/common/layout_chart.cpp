@@ -4,8 +4,6 @@
 
 #include <algorithm>
 
-#include "tools/common/chart.hpp"
-
 namespace apgm::tools {
 namespace {
 
@@ -19,8 +17,11 @@ std::string joined(const std::string& names, const std::string& name) {
 }  // namespace
 
 void LayoutChart::add(const LayoutsAt& at) {
-  Moment moment{at.time_s, at.profile, {}};
-  for (const LayoutRow& row : at.rows) moment.values.push_back(row.footprint.values);
+  Moment moment{at.time_s, at.profile, {}, {}};
+  for (const LayoutRow& row : at.rows) {
+    moment.values_mb.push_back(static_cast<double>(row.footprint.value_bytes()) / 1e6);
+    moment.shift_ms.push_back(row.cost && row.shifts > 0 ? row.cost->shift_ns / 1e6 : 0);
+  }
   moments_.push_back(std::move(moment));
   last_ = at.rows;
 }
@@ -41,29 +42,34 @@ std::string LayoutChart::bars(const std::string& title) const {
   for (const LayoutRow& row : last_) {
     const LayoutRow& own = last_.front();
     BarChart::Group group{row.layout, {}};
-    group.bars.push_back(bar(row.footprint.value_bytes(), own.footprint.value_bytes()));
-    group.bars.push_back(bar(row.footprint.allocated_bytes, own.footprint.allocated_bytes));
-    if (disk) group.bars.push_back(bar(row.disk_bytes.value_or(0), own.disk_bytes.value_or(0)));
+    if (!row.in_memory && !row.disk_bytes) continue;
+    const BarChart::Bar none{-1, ""};
+    const Footprint &f = row.footprint, &of_own = own.footprint;
+    group.bars.push_back(row.in_memory ? bar(f.value_bytes(), of_own.value_bytes()) : none);
+    group.bars.push_back(row.in_memory ? bar(f.allocated_bytes, of_own.allocated_bytes) : none);
+    if (disk) group.bars.push_back(row.disk_bytes ? bar(*row.disk_bytes, own.disk_bytes.value_or(0)) : none);
     chart.groups.push_back(std::move(group));
   }
   return to_svg(chart);
 }
 
-std::string LayoutChart::lines(const std::string& title) const {
-  LineChart chart{title, "time [s]", "values [MB], logarithmic", {}, {}};
-  std::vector<std::vector<std::uint64_t>> drawn;
+LineChart LayoutChart::curves(const std::string& title, const std::string& unit,
+                              std::vector<double> Moment::*of) const {
+  LineChart chart{title, "time [s]", unit, {}, {}};
+  std::vector<std::vector<double>> drawn;
   for (std::size_t i = 0; i < last_.size(); ++i) {
-    std::vector<std::uint64_t> values;
-    for (const Moment& moment : moments_) values.push_back(i < moment.values.size() ? moment.values[i] : 0);
+    std::vector<double> values;
+    for (const Moment& moment : moments_) {
+      values.push_back(i < (moment.*of).size() ? (moment.*of)[i] : 0);
+    }
+    if (std::ranges::all_of(values, [](double v) { return v == 0; })) continue;
     if (const auto same = std::ranges::find(drawn, values); same != drawn.end()) {
       std::string& name = chart.lines[static_cast<std::size_t>(same - drawn.begin())].name;
       name = joined(name, last_[i].layout);
       continue;
     }
     LineChart::Line line{last_[i].layout, {}};
-    for (std::size_t k = 0; k < moments_.size(); ++k) {
-      line.points.emplace_back(moments_[k].time_s, static_cast<double>(values[k]) * sizeof(float) / 1e6);
-    }
+    for (std::size_t k = 0; k < moments_.size(); ++k) line.points.emplace_back(moments_[k].time_s, values[k]);
     chart.lines.push_back(std::move(line));
     drawn.push_back(std::move(values));
   }
@@ -74,7 +80,14 @@ std::string LayoutChart::lines(const std::string& title) const {
       all.push_back({moment.profile, moment.time_s, moment.time_s});
     }
   }
-  return to_svg(chart);
+  return chart;
+}
+
+std::string LayoutChart::lines(const std::string& title) const {
+  std::vector<LineChart> charts{curves(title, "values [MB], logarithmic", &Moment::values_mb)};
+  LineChart shifts = curves("mean time of a shift", "shift [ms], logarithmic", &Moment::shift_ms);
+  if (!shifts.lines.empty()) charts.push_back(std::move(shifts));
+  return to_svg(charts);
 }
 
 }  // namespace apgm::tools

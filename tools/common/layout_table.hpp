@@ -39,12 +39,18 @@ class LayoutMeans {
     std::string layout;
     int values_per_cell = 0;
     double cells = 0, values = 0, known = 0, allocated = 0, disk = 0;
-    std::uint64_t disks = 0, changes = 0, costs = 0;
+    std::uint64_t in_memory = 0, disks = 0, changes = 0, costs = 0;  ///< moments with these figures
+    std::uint64_t shifts = 0;
+    std::string note;  ///< the last
     std::uint64_t most_values = 0;
     BeliefChange change;
     LayoutCost cost;
   };
+  static double mean_disk(const Sums& sums);
   Json size_json(const Sums& sums) const;
+  std::string sizes_text() const;
+  std::string beliefs_text() const;
+  std::string costs_text() const;
 
   std::uint64_t moments_ = 0;
   double from_s_ = 0, to_s_ = 0;

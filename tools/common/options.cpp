@@ -13,6 +13,7 @@
 #include <set>
 
 #include "tools/common/exit_code.hpp"
+#include "tools/common/memory.hpp"
 
 namespace apgm::tools {
 namespace {
@@ -235,7 +236,10 @@ void HeavyOptions::check() {
     threads = static_cast<int>(parse_integer("--threads", *threads_text_, 0, 1024,
                                              "0 takes all cores, 1 to 1024 is a number of threads"));
   }
-  if (memory_text_) max_memory_bytes = parse_size("--max-memory", *memory_text_);
+  if (memory_text_) {
+    max_memory_bytes = parse_size("--max-memory", *memory_text_);
+    give_large_blocks_pages_of_their_own();
+  }
   if (on_ || off_) progress = on_;
 }
 

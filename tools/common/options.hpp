@@ -43,6 +43,8 @@ struct OutputChoice {
   /// @param binary  refuse a terminal
   /// @throws Error{kInvalidArgument|kOutput}
   void check(Session& session, const std::vector<std::string>& inputs, bool binary = true);
+  /// Any of them is on the command line, for tools that do not always write.
+  bool given() const { return path_text_ || overwrite || dry_run || fsync; }
   OutputOptions options() const { return {overwrite, fsync}; }
 
  private:

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "apgm/format/reader.hpp"
+
 namespace apgm::tools {
 
 void report_written(Session& session, const OutputChoice& output, const WriteReport& report) {
@@ -23,7 +25,20 @@ void report_dry_run(Session& session, const OutputChoice& output) {
   session.done(fmt::format("dry run: '{}' is not written", output.path));
 }
 
+std::string first_line(const std::string& text) {
+  std::string line = text.substr(0, text.find('\n'));
+  for (char& c : line) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+  }
+  return line.size() < text.size() ? line + " ..." : line;
+}
+
 void step_opened(Session& session, const std::string& path, const PatchSource& source) {
+  const auto* reader = dynamic_cast<const Reader*>(&source);
+  if (reader != nullptr && reader->file().uncommitted_bytes > 0) {
+    session.warning(fmt::format("'{}' ends with {} bytes of a commit that is not whole; commit {} is read",
+                                path, reader->file().uncommitted_bytes, reader->file().commits));
+  }
   if (!session.verbose) return;
   const Summary summary = source.summary();
   std::uint64_t stored = 0, raw = 0;

@@ -15,7 +15,10 @@ void report_written(Session& session, const OutputChoice& output, const WriteRep
 /// The same where nothing was written because of --dry-run.
 void report_dry_run(Session& session, const OutputChoice& output);
 
-/// For -v: what an input holds.
+/// Warns where an archive ends with a commit that is not whole. For -v: what an input holds.
 void step_opened(Session& session, const std::string& path, const PatchSource& source);
+
+/// The first line of a commit's message, as it may be shown on a terminal; " ..." tells of more.
+std::string first_line(const std::string& text);
 
 }  // namespace apgm::tools

@@ -2,15 +2,16 @@
 
 #include <fmt/format.h>
 #include <poll.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/core/text.hpp"
 #include "tools/common/exit_code.hpp"
+#include "tools/common/memory.hpp"
 #include "tools/common/options.hpp"
 #include "tools/common/signals.hpp"
 
@@ -20,6 +21,9 @@ namespace {
 constexpr const char* kRed = "31";
 constexpr const char* kYellow = "33";
 constexpr const char* kBlue = "34";
+/// What a process takes beside its work: code that is read in, stacks of threads, buffers of files, and what
+/// the allocator cannot give back.
+constexpr std::uint64_t kReserveBytes = std::uint64_t{6} << 20;
 
 /// @return 0 or errno
 int write_all(int fd, const std::string& text) {
@@ -46,12 +50,6 @@ std::string printable(const std::string& text) {
     }
   }
   return out;
-}
-
-std::uint64_t peak_memory_bytes() {
-  struct rusage usage {};
-  ::getrusage(RUSAGE_SELF, &usage);
-  return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
 }
 
 }  // namespace
@@ -122,10 +120,24 @@ Findings Session::findings() {
   };
 }
 
+std::uint64_t Session::memory_left(const HeavyOptions& heavy) {
+  if (heavy.max_memory_bytes == 0) return 0;
+  give_back_free_memory();
+  held_bytes_ = resident_bytes() + kReserveBytes;
+  return heavy.max_memory_bytes > held_bytes_ ? heavy.max_memory_bytes - held_bytes_ : 1;
+}
+
+std::string Session::memory_hint(const Error& error) const {
+  const auto hint = budget_hint(error);
+  if (!hint) return {};
+  const std::uint64_t mebibytes = hint->least_mebibytes + (held_bytes_ >> 20) + 1;
+  return fmt::format("pass --max-memory with at least {} MiB{}", mebibytes, hint->rest);
+}
+
 RunOptions Session::run_options(const HeavyOptions& heavy, const std::string& label, ProgressUnit unit) {
   RunOptions run;
   run.threads = heavy.threads;
-  run.max_memory_bytes = heavy.max_memory_bytes;
+  run.max_memory_bytes = memory_left(heavy);
   run.cancel = &cancel_flag();
   run.findings = findings();
   const bool shown = heavy.progress.value_or(::isatty(STDERR_FILENO) == 1 && !quiet);
@@ -180,7 +192,8 @@ int Session::finish() {
     const double seconds = std::chrono::duration<double>(Progress::Clock::now() - start_).count();
     step(fmt::format("took {:.2f} s, peak memory {}", seconds, size_text(peak_memory_bytes())));
   }
-  return losses_.empty() ? kExitDone : kExitLoss;
+  if (!losses_.empty()) return kExitLoss;
+  return no_ ? kExitNo : kExitDone;
 }
 
 }  // namespace apgm::tools

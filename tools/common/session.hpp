@@ -46,9 +46,16 @@ class Session {
   /// That a writer is done: with -v or on a terminal.
   void done(const std::string& text);
   std::size_t losses() const { return losses_.size(); }
+  /// The result answers a question with no: exit code 1 at the end, without a message.
+  void answer_no() { no_ = true; }
   /// The three above as a sink for the library.
   Findings findings();
 
+  /// What is left of --max-memory beside what the process holds now and what it will hold beside its work: at
+  /// least 1. 0: no bound.
+  std::uint64_t memory_left(const HeavyOptions& heavy);
+  /// The hint of a failure to hold the budget, in terms of --max-memory; empty if `error` is none.
+  std::string memory_hint(const Error& error) const;
   /// Threads, budget, cancellation, findings, and progress under `label` where it is to be shown.
   RunOptions run_options(const HeavyOptions& heavy, const std::string& label,
                          ProgressUnit unit = ProgressUnit::kPatches);
@@ -73,7 +80,9 @@ class Session {
   std::string text_;
   Json result_ = Json::object();
   std::vector<std::string> notes_, warnings_, losses_;
+  bool no_ = false;
   std::unique_ptr<Progress> progress_;
+  std::uint64_t held_bytes_ = 0;  ///< of --max-memory, not given to the work
   Progress::Clock::time_point start_;
 };
 

@@ -4,6 +4,7 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include "apgm/format/temporary_files.hpp"
 #include "tools/common/exit_code.hpp"
 
 namespace apgm::tools {
@@ -13,7 +14,9 @@ std::atomic<bool> cancelled{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler sets it");
 
 void handle(int signal) {
-  if (cancelled.exchange(true) && signal == SIGINT) ::_exit(kExitInterrupted);
+  if (!cancelled.exchange(true) || signal != SIGINT) return;
+  remove_temporary_files();
+  ::_exit(kExitInterrupted);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "apgm/ops/statistics.hpp"
 #include "tools/common/exit_code.hpp"
 #include "tools/common/json.hpp"
 #include "tools/common/suggest.hpp"
@@ -77,24 +78,7 @@ std::unique_ptr<PatchCursor> SourceView::patches(const std::optional<PatchRange>
   return std::make_unique<ViewCursor>(source_.patches(both), from_source_);
 }
 
-Summary SourceView::summary() const {
-  Summary summary;
-  summary.types.resize(header_.types.size());
-  PatchInfo patch;
-  for (const auto cursor = patches(); cursor->next(patch);) {
-    ++summary.patches;
-    summary.range.add(patch.patch);
-    for (const LayerInfo& layer : patch.layers) {
-      Summary::OfType& type = summary.types[layer.type];
-      ++type.layers;
-      ++type.layers_at[layer.step];
-      type.stored_bytes += layer.stored_bytes;
-      type.raw_bytes +=
-          (std::uint64_t{1} << (2 * layer.step)) * header_.types[layer.type].channels.size() * sizeof(float);
-    }
-  }
-  return summary;
-}
+Summary SourceView::summary() const { return totals_of(*this); }
 
 LayerInfo SourceView::inner(const LayerInfo& info) const {
   LayerInfo layer = info;

@@ -24,11 +24,14 @@ bool all_zero(Bytes bytes) {
 
 std::uint64_t hash_of(Bytes bytes) { return XXH3_64bits(bytes.data(), bytes.size()); }
 
-BlockHeader append_block(std::vector<std::byte>& out, Kind kind, std::uint64_t key, Bytes meta, Bytes body) {
+BlockHeader append_block(std::vector<std::byte>& out, Kind kind, std::uint64_t key, Bytes meta, Bytes body,
+                         std::uint64_t commit, std::uint64_t context) {
   const std::size_t start = out.size();
   BlockHeader header;
   header.kind = kind;
   header.key = key;
+  header.commit = commit;
+  header.context = context;
   header.meta_bytes = static_cast<std::uint32_t>(padded(meta.size()));
   header.payload_bytes = header.meta_bytes + body.size();
   out.resize(start + sizeof(BlockHeader));
@@ -42,20 +45,38 @@ BlockHeader append_block(std::vector<std::byte>& out, Kind kind, std::uint64_t k
   return header;
 }
 
-Block parse_block(Bytes bytes, Kind kind) {
+void restamp(std::span<std::byte> block, std::uint64_t commit, std::uint64_t context) {
+  auto header = read_as<BlockHeader>(block);
+  header.commit = commit;
+  header.context = context;
+  header.hash = hash_of(bytes_of(header).first(kHashedBytes));
+  std::memcpy(block.data(), &header, sizeof(header));
+}
+
+void renumber_block(std::span<std::byte> block, std::uint64_t commit) {
+  auto header = read_as<BlockHeader>(block);
+  header.commit = commit;
+  header.hash = hash_of(bytes_of(header).first(kHashedBytes));
+  std::memcpy(block.data(), &header, sizeof(header));
+}
+
+bool is_block_header(Bytes bytes) {
+  const auto h = read_as<BlockHeader>(bytes);
+  return h.sync == kSync && h.hash == hash_of(bytes.first(kHashedBytes));
+}
+
+Block check_block(Bytes bytes) {
   if (bytes.size() < sizeof(BlockHeader)) fail("a block is cut short");
   Block block;
   block.header = read_as<BlockHeader>(bytes);
   const BlockHeader& h = block.header;
   if (h.sync != kSync) fail("a block does not start with its sync mark");
   if (h.hash != hash_of(bytes.first(kHashedBytes))) fail("a block header fails its checksum");
-  if (h.kind != kind) fail("a block is of another kind than the index says");
   if (h.version != 1 || h.flags > 1) {
     throw Error(ErrorCode::kUnsupported,
                 "a block has version " + std::to_string(h.version) + " of its layout")
         .hint("a newer version of apgm can read it");
   }
-  if (h.reserved != 0) fail("a block header holds reserved values");
   if (h.payload_bytes > bytes.size() || padded(h.payload_bytes) != bytes.size() - sizeof(BlockHeader) ||
       h.meta_bytes > h.payload_bytes || h.meta_bytes % 8 != 0) {
     fail("a block's sizes do not fit together");
@@ -65,6 +86,13 @@ Block parse_block(Bytes bytes, Kind kind) {
   if (!all_zero(bytes.subspan(sizeof(BlockHeader) + h.payload_bytes))) fail("a block's padding is not zero");
   block.meta = payload.first(h.meta_bytes);
   block.body = payload.subspan(h.meta_bytes);
+  return block;
+}
+
+Block parse_block(Bytes bytes, Kind kind) {
+  const Block block = check_block(bytes);
+  if (block.header.kind != kind) fail("a block is of another kind than the index says");
+  if (block.header.context != 0) fail("a block header holds reserved values");
   return block;
 }
 

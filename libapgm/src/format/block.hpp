@@ -20,9 +20,21 @@ inline constexpr std::array<unsigned char, 8> kMagic{0x89, 'A', 'P', 'G', 'M', 0
 inline constexpr std::array<char, 8> kSync{'A', 'P', 'G', 'M', 'B', 'L', 'K', '1'};
 inline constexpr std::array<char, 8> kTail{'A', 'P', 'G', 'M', 'E', 'N', 'D', '1'};
 inline constexpr std::uint16_t kMajor = 1;
-inline constexpr std::uint16_t kMinor = 0;
+inline constexpr std::uint16_t kMinor = 0;         ///< of sealed files
+inline constexpr std::uint16_t kMinorArchive = 1;  ///< of archives
+/// Bit of `incompat`: a stream of blocks without index and footer (docs/format.md, "Streams").
+inline constexpr std::uint32_t kStreamBit = 1;
 
-enum class Kind : std::uint8_t { kMapHeader = 1, kLayer = 2, kIndexPage = 3, kIndexRoot = 4, kFooter = 5 };
+enum class Kind : std::uint8_t {
+  kMapHeader = 1,
+  kLayer = 2,
+  kIndexPage = 3,
+  kIndexRoot = 4,
+  kFooter = 5,
+  kGone = 6,  // this and the following: in streams only
+  kPart = 7,
+  kEnd = 8,
+};
 
 /// First 64 bytes of a file (docs/format.md, "Preamble").
 struct Preamble {
@@ -48,8 +60,8 @@ struct BlockHeader {
   std::uint64_t key = 0;
   std::uint64_t commit = 1;
   std::uint64_t payload_hash = 0;  ///< XXH3-64
-  std::uint64_t reserved = 0;
-  std::uint64_t hash = 0;  ///< XXH3-64 of the 56 bytes before
+  std::uint64_t context = 0;       ///< in a stream the payload hash of the MapHeader; else 0
+  std::uint64_t hash = 0;          ///< XXH3-64 of the 56 bytes before
 };
 static_assert(sizeof(BlockHeader) == 64 && std::is_trivially_copyable_v<BlockHeader>);
 
@@ -111,7 +123,14 @@ T read_as(Bytes bytes) {
 constexpr std::uint64_t padded(std::uint64_t bytes) { return (bytes + 7) / 8 * 8; }
 
 /// Makes a block of `meta` (its size is padded to 8 here) and `body` at the end of `out`. Returns the header.
-BlockHeader append_block(std::vector<std::byte>& out, Kind kind, std::uint64_t key, Bytes meta, Bytes body);
+BlockHeader append_block(std::vector<std::byte>& out, Kind kind, std::uint64_t key, Bytes meta, Bytes body,
+                         std::uint64_t commit = 1, std::uint64_t context = 0);
+
+/// Gives a whole block another commit and context.
+void restamp(std::span<std::byte> block, std::uint64_t commit, std::uint64_t context);
+
+/// Makes a whole block one of another commit.
+void renumber_block(std::span<std::byte> block, std::uint64_t commit);
 
 /// A block that passed its checks.
 struct Block {
@@ -120,8 +139,13 @@ struct Block {
   Bytes body;
 };
 
-/// Takes a whole stored block apart. `bytes` is exactly header + payload + padding.
-/// @throws Error{kDamaged} naming the rule that is broken, without path or offset
+/// True if the 64 bytes are a block's header by their sync mark and hash.
+bool is_block_header(Bytes bytes);
+
+/// Takes a whole stored block of any kind apart. `bytes` is exactly header + payload + padding.
+/// @throws Error{kDamaged} naming the rule that is broken, without path or offset; {kUnsupported}
+Block check_block(Bytes bytes);
+/// The same for a block of a file that is to be of `kind`.
 Block parse_block(Bytes bytes, Kind kind);
 
 }  // namespace apgm::format

@@ -35,6 +35,8 @@ void decode(Encoding encoding, int step, Bytes body, const LayerType& type, Laye
 /// zstd frame of `content` at the end of `out`. Single-threaded, content size present. Returns the frame's
 /// size.
 std::size_t append_frame(std::vector<std::byte>& out, Bytes content, int level);
+/// Most memory that zstd keeps on a thread for frames of up to so many bytes.
+std::uint64_t frame_memory(std::uint64_t content_bytes, int level);
 /// Decodes one frame that must fill `frame` exactly and hold exactly `out.size()` bytes.
 /// @throws Error{kDamaged}
 void read_frame(Bytes frame, std::span<std::byte> out);

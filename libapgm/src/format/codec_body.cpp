@@ -3,6 +3,7 @@
 #include <memory>
 #include <new>
 
+#define ZSTD_STATIC_LINKING_ONLY  // for the estimate of memory
 #include <zstd.h>
 
 namespace apgm::format {
@@ -53,6 +54,10 @@ std::size_t append_frame(std::vector<std::byte>& out, Bytes content, int level) 
   if (ZSTD_isError(n)) throw Error(ErrorCode::kLimit, std::string("zstd: ") + ZSTD_getErrorName(n));
   out.resize(start + n);
   return n;
+}
+
+std::uint64_t frame_memory(std::uint64_t content_bytes, int level) {
+  return ZSTD_estimateCCtxSize_usingCParams(ZSTD_getCParams(level, content_bytes, 0));
 }
 
 void read_frame(Bytes frame, std::span<std::byte> out) {

@@ -1,8 +1,10 @@
-#include "content_id.hpp"
+#include "apgm/format/content_id.hpp"
 
 #include <vector>
 
 #include <xxhash.h>
+
+#include "content_id.hpp"
 
 namespace apgm::format {
 namespace {
@@ -109,3 +111,31 @@ std::string to_hex(const std::array<std::byte, 16>& id) {
 }
 
 }  // namespace apgm::format
+
+namespace apgm {
+
+std::string content_id_of(const PatchSource& source) {
+  format::ContentId id(source.header());
+  Layer layer;
+  PatchInfo patch;
+  for (const auto cursor = source.patches(); cursor->next(patch);) {
+    for (const LayerInfo& info : patch.layers) {
+      std::uint64_t hash = info.content_hash;
+      if (hash == 0) {
+        const LayerType& type = source.header().types[info.type];
+        source.load(info, layer);
+        canonicalise(layer, type);
+        if (is_vacuous(layer, type)) continue;  // no writer keeps it
+        hash = format::content_hash(layer);
+      }
+      id.add(info.patch, info.type, info.step, hash);
+    }
+  }
+  return format::to_hex(id.value());
+}
+
+bool is_content_id(std::string_view text) {
+  return text.size() == 32 && text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
+}
+
+}  // namespace apgm

@@ -4,6 +4,7 @@
 
 #include "apgm/core/error.hpp"
 #include "codec.hpp"
+#include "layer_block.hpp"
 
 namespace apgm::format {
 namespace {
@@ -27,21 +28,10 @@ void transpose_back(const std::byte* in, std::size_t n, std::byte* out) {
   }
 }
 
-PatchRange range_of(const std::vector<IndexEntry>& entries) {
+PatchRange range_of(std::span<const IndexEntry> entries) {
   PatchRange range;
   for (const IndexEntry& e : entries) range.add(PatchIndex{e.ix, e.iy});
   return range;
-}
-
-std::uint64_t value_bytes(const LayerType& type, int step) {
-  return (std::uint64_t{4} << (2 * step)) * type.channels.size();
-}
-
-/// No encoding of a layer is larger than its values, masks and frame overhead: what a block may take in
-/// memory.
-std::uint64_t most_stored_bytes(const LayerType& type, int step) {
-  const std::uint64_t raw = value_bytes(type, step);
-  return raw + raw / 16 + 16'384;
 }
 
 void check_entry(const IndexEntry& e, std::uint64_t end, const TypeTable& types, const Root& root) {
@@ -67,7 +57,7 @@ void check_entry(const IndexEntry& e, std::uint64_t end, const TypeTable& types,
 }  // namespace
 
 fbs::PageRef append_page(std::vector<std::byte>& out, std::uint64_t offset,
-                         const std::vector<IndexEntry>& entries) {
+                         std::span<const IndexEntry> entries, std::uint64_t commit) {
   const auto n = static_cast<std::uint32_t>(entries.size());
   flatbuffers::FlatBufferBuilder fb(64);
   fb.Finish(fbs::CreateIndexPage(fb, n));
@@ -78,7 +68,7 @@ fbs::PageRef append_page(std::vector<std::byte>& out, std::uint64_t offset,
   const std::size_t start = out.size();
   const BlockHeader header =
       append_block(out, Kind::kIndexPage, entries.front().key,
-                   std::as_bytes(std::span(fb.GetBufferPointer(), fb.GetSize())), body);
+                   std::as_bytes(std::span(fb.GetBufferPointer(), fb.GetSize())), body, commit);
   const PatchRange range = range_of(entries);
   return {offset,
           out.size() - start,
@@ -121,7 +111,7 @@ void read_page(Bytes bytes, const fbs::PageRef& ref, std::uint64_t end, const Ty
 }
 
 void append_root(std::vector<std::byte>& out, const std::vector<fbs::PageRef>& pages,
-                 const std::vector<Summary::OfType>& totals) {
+                 const std::vector<Summary::OfType>& totals, std::uint64_t commit) {
   flatbuffers::FlatBufferBuilder fb(1024 + pages.size() * sizeof(fbs::PageRef));
   std::vector<fbs::TypeTotals> types;
   for (const Summary::OfType& t : totals) {
@@ -131,7 +121,8 @@ void append_root(std::vector<std::byte>& out, const std::vector<fbs::PageRef>& p
   const auto pages_at = fb.CreateVectorOfStructs(pages);
   const auto totals_at = fb.CreateVectorOfStructs(types);
   fb.Finish(fbs::CreateIndexRoot(fb, pages_at, totals_at));
-  append_block(out, Kind::kIndexRoot, 0, std::as_bytes(std::span(fb.GetBufferPointer(), fb.GetSize())), {});
+  append_block(out, Kind::kIndexRoot, 0, std::as_bytes(std::span(fb.GetBufferPointer(), fb.GetSize())), {},
+               commit);
 }
 
 namespace {

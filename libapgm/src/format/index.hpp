@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "apgm/core/source.hpp"
@@ -18,7 +19,7 @@ inline constexpr std::uint64_t kMaxRootBytes = std::uint64_t{128} << 20;
 /// Appends an IndexPage block of `entries` (1 or more, sorted) to `out`, and says what it covers.
 /// `offset` is where the block goes in the file.
 fbs::PageRef append_page(std::vector<std::byte>& out, std::uint64_t offset,
-                         const std::vector<IndexEntry>& entries);
+                         std::span<const IndexEntry> entries, std::uint64_t commit = 1);
 
 struct Root {
   std::vector<fbs::PageRef> pages;
@@ -33,7 +34,7 @@ void read_page(Bytes block, const fbs::PageRef& ref, std::uint64_t end, const Ty
                const Root& root, std::vector<IndexEntry>& out);
 
 void append_root(std::vector<std::byte>& out, const std::vector<fbs::PageRef>& pages,
-                 const std::vector<Summary::OfType>& totals);
+                 const std::vector<Summary::OfType>& totals, std::uint64_t commit = 1);
 
 /// The pages and totals, checked against each other: ranges of keys and files, sums of layers.
 /// @throws Error{kDamaged}

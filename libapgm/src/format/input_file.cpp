@@ -85,14 +85,23 @@ InputFile::InputFile(const std::string& path) : path_(path) {
 InputFile::InputFile(std::span<const std::byte> bytes, std::string name)
     : path_(std::move(name)), memory_(bytes), size_(bytes.size()) {}
 
+InputFile::InputFile(const ReadAt& source, std::uint64_t size, std::string name)
+    : path_(std::move(name)), source_(&source), size_(size) {}
+
 InputFile::~InputFile() {
   if (fd_ >= 0) ::close(fd_);
+}
+
+bool InputFile::has_shrunk() const {
+  struct stat st {};
+  return fd_ >= 0 && ::fstat(fd_, &st) == 0 && static_cast<std::uint64_t>(st.st_size) < size_;
 }
 
 void InputFile::read(std::uint64_t offset, std::span<std::byte> out) const {
   if (offset > size_ || out.size() > size_ - offset) {
     throw Error(ErrorCode::kDamaged, "'" + path_ + "' is shorter than it says").at(path_, offset);
   }
+  if (source_ != nullptr) return source_->read(offset, out);
   if (fd_ < 0) {
     std::ranges::copy(memory_.subspan(offset, out.size()), out.begin());
     return;

@@ -7,6 +7,14 @@
 
 namespace apgm::format {
 
+/// What can be read by position.
+class ReadAt {
+ public:
+  virtual ~ReadAt() = default;
+  /// Fills `out` from `offset`, which lies before its end. @throws Error{kUnreadable|kDamaged}
+  virtual void read(std::uint64_t offset, std::span<std::byte> out) const = 0;
+};
+
 /// A file, or bytes in memory, that is read by position. pread, not mmap: a file that another process
 /// truncates must be an error, not a signal. Thread-safe.
 class InputFile {
@@ -16,6 +24,8 @@ class InputFile {
   explicit InputFile(const std::string& path);
   /// Bytes that outlive it, under a name for messages.
   InputFile(std::span<const std::byte> bytes, std::string name);
+  /// The first `size` bytes of something that outlives it, under a name for messages.
+  InputFile(const ReadAt& source, std::uint64_t size, std::string name);
   ~InputFile();
   InputFile(const InputFile&) = delete;
   InputFile& operator=(const InputFile&) = delete;
@@ -24,11 +34,14 @@ class InputFile {
   const std::string& path() const { return path_; }
   /// Fills `out` from `offset`. @throws Error{kUnreadable} on I/O errors, {kDamaged} past the end
   void read(std::uint64_t offset, std::span<std::byte> out) const;
+  /// True if the file is shorter now than when it was opened.
+  bool has_shrunk() const;
 
  private:
   std::string path_;
   std::span<const std::byte> memory_;
-  int fd_ = -1;  // -1: in memory
+  const ReadAt* source_ = nullptr;
+  int fd_ = -1;  // -1: in memory, or `source_`
   std::uint64_t size_ = 0;
 };
 

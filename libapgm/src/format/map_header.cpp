@@ -112,7 +112,7 @@ void check_texts(const MapHeader& header) {
 
 }  // namespace
 
-BlockHeader append_map_header(std::vector<std::byte>& out, const MapHeader& header) {
+BlockHeader append_map_header(std::vector<std::byte>& out, const MapHeader& header, std::uint64_t commit) {
   header.frame.check();
   if (header.metadata.size() > kMaxMetadata || header.history.size() > kMaxHistory) {
     throw Error(ErrorCode::kLimit, "a map holds at most 1024 metadata pairs and 1024 history entries");
@@ -139,11 +139,12 @@ BlockHeader append_map_header(std::vector<std::byte>& out, const MapHeader& head
                                  types_at, metadata_at, history_at, header.stamp_ns));
   if (fb.GetSize() > kMaxHeaderBytes) throw Error(ErrorCode::kLimit, "the map header exceeds 16 MiB");
   return append_block(out, Kind::kMapHeader, 0, std::as_bytes(std::span(fb.GetBufferPointer(), fb.GetSize())),
-                      {});
+                      {}, commit);
 }
 
-MapHeader read_map_header(Bytes bytes) {
-  const Block block = parse_block(bytes, Kind::kMapHeader);
+MapHeader read_map_header(Bytes bytes) { return read_map_header(parse_block(bytes, Kind::kMapHeader)); }
+
+MapHeader read_map_header(const Block& block) {
   if (!block.body.empty() || block.meta.size() > kMaxHeaderBytes + 8) fail("the map header is malformed");
   constexpr auto kMaxTables =
       static_cast<flatbuffers::uoffset_t>(TypeTable::kMaxTypes + kMaxMetadata + kMaxHistory + 1);

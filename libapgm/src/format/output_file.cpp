@@ -4,14 +4,18 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
+#include <atomic>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "apgm/core/error.hpp"
+#include "apgm/format/temporary_files.hpp"
 
 namespace apgm {
 namespace {
@@ -32,6 +36,44 @@ std::string directory_of(const std::string& path) {
   return slash == 0 ? "/" : path.substr(0, slash);
 }
 
+struct TemporaryName {
+  static constexpr std::size_t kMostBytes = 4096;
+  std::atomic<bool> taken{false}, named{false};
+  std::array<char, kMostBytes> name{};
+};
+
+/// Names of the files that a signal handler would have to remove. Where there are more, or longer ones, than
+/// places for them, the process is not to be ended by a handler at that moment.
+class TemporaryNames {
+ public:
+  /// @return the place; nullopt: none is free
+  static std::optional<std::size_t> add(const std::string& name) {
+    if (name.size() >= TemporaryName::kMostBytes) return {};
+    for (std::size_t i = 0; i < places_.size(); ++i) {
+      if (places_[i].taken.exchange(true)) continue;
+      std::memcpy(places_[i].name.data(), name.c_str(), name.size() + 1);
+      places_[i].named.store(true, std::memory_order_release);
+      return i;
+    }
+    return {};
+  }
+  static void drop(std::optional<std::size_t>& place) {
+    if (!place) return;
+    places_[*place].named.store(false, std::memory_order_release);
+    places_[*place].taken.store(false, std::memory_order_release);
+    place.reset();
+  }
+  static void remove_all() {
+    for (const TemporaryName& place : places_) {
+      if (place.named.load(std::memory_order_acquire)) ::unlink(place.name.data());
+    }
+  }
+
+ private:
+  static inline std::array<TemporaryName, 8> places_;
+};
+static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler reads them");
+
 /// A link is followed, so that the file it names is replaced or made, not the link.
 std::string resolve_link(std::string path) {
   constexpr int kMostLinks = 40;  // as the kernel
@@ -48,9 +90,10 @@ std::string resolve_link(std::string path) {
 }  // namespace
 
 struct OutputFile::State {
-  std::string path;       // as the caller named it
-  std::string target;     // after links
-  std::string temporary;  // name of the file while it has one
+  std::string path;                  // as the caller named it
+  std::string target;                // after links
+  std::string temporary;             // name of the file while it has one
+  std::optional<std::size_t> place;  // of that name in TemporaryNames
   OutputOptions options;
   int fd = -1;
   bool is_stdout = false;
@@ -58,10 +101,12 @@ struct OutputFile::State {
   std::vector<std::byte>* memory = nullptr;
   std::uint64_t size = 0;
   std::vector<std::byte> buffer;
+  bool settled = false;  // nothing was written since the disk was asked to keep it
 
   ~State() {
     if (fd >= 0 && !is_stdout) ::close(fd);
     if (!temporary.empty()) ::unlink(temporary.c_str());
+    TemporaryNames::drop(place);
   }
 
   void write_out(const std::byte* data, std::size_t bytes) {
@@ -83,13 +128,25 @@ struct OutputFile::State {
     buffer.clear();
   }
 
+  /// All that can fail for want of space or by a disk's fault, before anything gets its name.
+  void settle() {
+    if (!buffer.empty()) settled = false;
+    flush();
+    if (settled || !options.fsync || is_stdout || is_device || memory != nullptr) return;
+    if (::fsync(fd) != 0) fail(path, "flush", errno);
+    settled = true;
+  }
+
   /// A name beside the target that nothing has; tried in turn, so that no clock or random number is needed.
   template <typename Try>
-  std::string beside(Try attempt) const {
+  std::string beside(Try attempt) {
     for (int i = 0; i < 10'000; ++i) {
       std::string name = target + ".part" + std::to_string(::getpid()) + "-" + std::to_string(i);
+      place = TemporaryNames::add(name);  // before there is a file: no moment may be missed
       if (attempt(name)) return name;
-      if (errno != EEXIST) fail(path, "create", errno);
+      const int error = errno;
+      TemporaryNames::drop(place);
+      if (error != EEXIST) fail(path, "create", error);
     }
     fail(path, "create", EEXIST);
   }
@@ -118,12 +175,12 @@ struct OutputFile::State {
       if (::rename(from.c_str(), target.c_str()) != 0) fail(path, "create", errno);
     }
     temporary.clear();
+    TemporaryNames::drop(place);
   }
 
   void commit() {
-    flush();
+    settle();
     if (is_stdout || is_device || memory != nullptr) return;
-    if (options.fsync && ::fsync(fd) != 0) fail(path, "flush", errno);
     const bool replace = ::access(target.c_str(), F_OK) == 0;
     if (replace && !options.overwrite) fail(path, "create", EEXIST);
     if (replace) keep_mode();
@@ -139,7 +196,11 @@ struct OutputFile::State {
       }
     }
     // Network file systems tell of a full disk at close: before the old file is gone.
-    if (::close(std::exchange(fd, -1)) != 0) fail(path, "write", errno);
+    if (::close(std::exchange(fd, -1)) != 0) {
+      const int error = errno;
+      if (temporary.empty()) ::unlink(target.c_str());  // it was not there before, and is not whole
+      fail(path, "write", error);
+    }
     if (!temporary.empty()) rename_to_target(temporary, replace);
     if (options.fsync) sync_directory();
   }
@@ -201,6 +262,7 @@ OutputFile& OutputFile::operator=(OutputFile&&) noexcept = default;
 void OutputFile::write(std::span<const std::byte> bytes) {
   State& s = *state_;
   s.size += bytes.size();
+  s.settled = false;
   if (s.buffer.size() + bytes.size() > kBufferBytes) s.flush();
   if (bytes.size() >= kBufferBytes) {
     s.write_out(bytes.data(), bytes.size());
@@ -213,9 +275,11 @@ void OutputFile::write(const std::string& text) { write(std::as_bytes(std::span(
 
 std::uint64_t OutputFile::size() const { return state_->size; }
 
-void OutputFile::flush() { state_->flush(); }
+void OutputFile::flush() { state_->settle(); }
 
 void OutputFile::commit() { state_->commit(); }
+
+void remove_temporary_files() { TemporaryNames::remove_all(); }
 
 void check_not_an_input(const std::string& output, std::span<const std::string> inputs) {
   struct stat out {};

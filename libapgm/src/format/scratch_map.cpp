@@ -10,6 +10,7 @@
 #include "apgm/core/error.hpp"
 #include "block.hpp"
 #include "codec.hpp"
+#include "layer_block.hpp"
 #include "map_header.hpp"
 #include "scratch_file.hpp"
 
@@ -42,6 +43,20 @@ struct Entry {
 };
 
 using Index = std::map<Place, Entry>;
+
+Entry entry_of(PatchIndex patch, std::uint64_t offset, std::int64_t stamp_ns, const StoredLayer& stored) {
+  Entry e;
+  e.patch = patch;
+  e.offset = offset;
+  e.stored_hash = hash_of(stored.bytes);
+  e.content_hash = stored.content_hash;
+  e.stamp_ns = stamp_ns;
+  e.bytes = static_cast<std::uint32_t>(stored.bytes.size());
+  e.error_bound = stored.error_bound;
+  e.step = stored.step;
+  e.encoding = stored.encoding;
+  return e;
+}
 
 /// The layers of one patch in the index.
 std::pair<Index::const_iterator, Index::const_iterator> layers_of(const Index& index, std::uint64_t key) {
@@ -101,16 +116,7 @@ struct ScratchMap::State {
       canonicalise(cells, layer_type);
       if (is_vacuous(cells, layer_type)) continue;
       encode(cells, layer_type, level, Lossy::kNone, stored);
-      Entry e;
-      e.patch = patch.index;
-      e.offset = bytes.size();
-      e.stored_hash = hash_of(stored.bytes);
-      e.content_hash = stored.content_hash;
-      e.stamp_ns = layer.stamp_ns;
-      e.bytes = static_cast<std::uint32_t>(stored.bytes.size());
-      e.error_bound = stored.error_bound;
-      e.step = stored.step;
-      e.encoding = stored.encoding;
+      const Entry e = entry_of(patch.index, bytes.size(), layer.stamp_ns, stored);
       bytes.insert(bytes.end(), stored.bytes.begin(), stored.bytes.end());
       made.push_back({{curve_key(patch.index), type}, e});
     }
@@ -122,6 +128,27 @@ struct ScratchMap::State {
     for (auto it = first; it != last; ++it) live -= it->second.bytes;
     index.erase(first, last);
     if (live == 0) reclaim();
+  }
+
+  bool erase(Place place) {
+    const auto it = index.find(place);
+    if (it == index.end()) return false;
+    live -= it->second.bytes;
+    index.erase(it);
+    reclaim();
+    return true;
+  }
+
+  void put(const Parcel& parcel) {
+    const StoredLayer& layer = parcel.stored;
+    file->write(end, layer.bytes);
+    const Place place{curve_key(parcel.patch), parcel.type};
+    const auto [it, is_new] = index.try_emplace(place);
+    if (!is_new) live -= it->second.bytes;
+    it->second = entry_of(parcel.patch, end, parcel.stamp_ns, layer);
+    end += layer.bytes.size();
+    live += layer.bytes.size();
+    reclaim();
   }
 
   /// Writes what encode_all made, in place of what there was of the patch.
@@ -203,9 +230,7 @@ struct ScratchMap::State {
 };
 
 ScratchMap::ScratchMap(MapHeader header, const std::string& directory, int level) {
-  if (level < 1 || level > 19) {
-    throw Error(ErrorCode::kInvalidArgument, "a compression level lies in 1..19");
-  }
+  check_level(level);
   header.frame.check();
   state_ = std::make_unique<State>(std::move(header), directory, level);
 }
@@ -248,6 +273,10 @@ bool ScratchMap::take(PatchIndex index, Patch& out) {
   s.forget(curve_key(index));
   return true;
 }
+
+void ScratchMap::put(const Parcel& parcel) { state_->put(parcel); }
+
+bool ScratchMap::erase(PatchIndex patch, TypeId type) { return state_->erase({curve_key(patch), type}); }
 
 std::uint64_t ScratchMap::file_bytes() const { return state_->end; }
 

@@ -5,7 +5,8 @@
 #include <tuple>
 #include <utility>
 
-#include "apgm/core/error.hpp"
+#include "apgm/core/budget.hpp"
+#include "apgm/core/working_memory.hpp"
 #include "fuse/regrid_cells.hpp"
 #include "fuse/regrid_geometry.hpp"
 
@@ -116,15 +117,16 @@ struct Group {
   std::size_t count = 0;
 };
 
-class RegridSource final : public PatchSource {
+class RegridSource final : public PatchSource, public WorkingMemory {
  public:
   RegridSource(const PatchSource& source, const Frame& target, const RigidMotion& motion,
-               std::optional<int> step)
+               std::optional<int> step, RegridBudget* budget)
       : source_(source), header_(source.header()), mapping_(source.header().frame, target, motion) {
     if (step && (*step < 0 || *step > kMaxStep)) {
       throw Error(ErrorCode::kLimit, "a resolution step lies in 0..11");
     }
     header_.frame = target;
+    reserve(budget);
     collect();
     group(step);
   }
@@ -168,9 +170,30 @@ class RegridSource final : public PatchSource {
     gatherer.finish();
   }
 
+  /// A source layer, its cells as doubles and the sums of the target's.
+  std::uint64_t working_bytes(std::uint64_t layer_bytes) const override {
+    std::uint64_t of_cells = 0, natives = 0;
+    const Summary from = source_.summary(), to = summary();
+    for (std::size_t t = 0; t < header_.types.size(); ++t) {
+      const LayerType& type = header_.types[static_cast<TypeId>(t)];
+      const std::uint64_t width = fuse::CellModel::make(type)->pools().size() * sizeof(double) + 1;
+      const std::uint64_t source_cells = most_cells(from.types[t]), target_cells = most_cells(to.types[t]);
+      of_cells = std::max(of_cells, (source_cells + target_cells) * width);
+      natives = std::max(natives, source_cells * type.channels.size() * sizeof(float));
+    }
+    return of_cells + natives + apgm::working_bytes(source_, std::max(natives, layer_bytes));
+  }
+
   const std::vector<Group>& groups() const { return groups_; }
 
  private:
+  static std::uint64_t most_cells(const Summary::OfType& type) {
+    for (int step = kMaxStep; step >= 0; --step) {
+      if (type.layers_at[static_cast<std::size_t>(step)] != 0) return std::uint64_t{1} << (2 * step);
+    }
+    return 0;
+  }
+
   struct Link {
     std::uint64_t key = 0;
     PatchIndex patch;
@@ -181,16 +204,40 @@ class RegridSource final : public PatchSource {
     }
   };
 
+  /// Counts what `collect` and `group` will keep, at most, so that nothing grows and no budget is exceeded.
+  void reserve(RegridBudget* budget) {
+    std::size_t links = 0, layers = 0;
+    const auto cursor = source_.patches();
+    PatchInfo info;
+    std::vector<PatchIndex> targets;
+    while (cursor->next(info)) {
+      mapping_.targets_of(info.patch, kMaxLinks, targets);
+      if (targets.size() * info.layers.size() > kMaxLinks - links) {
+        throw Error(ErrorCode::kLimit, "the target frame has too many patches")
+            .hint("choose a larger patch edge");
+      }
+      links += targets.size() * info.layers.size();
+      layers += info.layers.size();
+    }
+    if (budget != nullptr) {
+      const std::uint64_t most = links * (sizeof(Link) + sizeof(Group)) + layers * sizeof(LayerInfo);
+      const std::uint64_t least = budget->used_bytes + most;
+      if (budget->max_bytes != 0 && least > budget->max_bytes) {
+        throw over_budget("the memory budget does not hold the lists of the layers that are regridded", least,
+                          "choose a larger patch edge");
+      }
+      budget->used_bytes = least;
+    }
+    links_.reserve(links);
+    sources_.reserve(layers);
+  }
+
   void collect() {
     const auto cursor = source_.patches();
     PatchInfo info;
     std::vector<PatchIndex> targets;
     while (cursor->next(info)) {
       mapping_.targets_of(info.patch, kMaxLinks, targets);
-      if (targets.size() * info.layers.size() > kMaxLinks - links_.size()) {
-        throw Error(ErrorCode::kLimit, "the target frame has too many patches")
-            .hint("choose a larger patch edge");
-      }
       for (const LayerInfo& layer : info.layers) {
         for (const PatchIndex t : targets) {
           links_.push_back({curve_key(t), t, static_cast<std::uint32_t>(sources_.size()), layer.type});
@@ -202,6 +249,11 @@ class RegridSource final : public PatchSource {
   }
 
   void group(std::optional<int> step) {
+    std::size_t groups = 0;
+    for (std::size_t i = 0; i < links_.size(); ++i) {
+      groups += i == 0 || links_[i - 1].key != links_[i].key || links_[i - 1].type != links_[i].type;
+    }
+    groups_.reserve(groups);
     for (std::size_t i = 0; i < links_.size(); ++i) {
       const Link& link = links_[i];
       const LayerInfo& from = sources_[link.source];
@@ -260,8 +312,8 @@ std::unique_ptr<PatchCursor> RegridSource::patches(const std::optional<PatchRang
 }  // namespace
 
 std::unique_ptr<PatchSource> regrid(const PatchSource& source, const Frame& target, const RigidMotion& motion,
-                                    std::optional<int> step) {
-  return std::make_unique<RegridSource>(source, target, motion, step);
+                                    std::optional<int> step, RegridBudget* budget) {
+  return std::make_unique<RegridSource>(source, target, motion, step, budget);
 }
 
 }  // namespace apgm

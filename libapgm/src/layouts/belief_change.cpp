@@ -62,21 +62,28 @@ void compare(const Layer& before, const Layer& after, const LayerType& type, Bel
 
 }  // namespace
 
-BeliefChange belief_change(const Layout& layout, const Map& map) {
-  const TypeTable& types = map.header().types;
-  const std::vector<TypeId> ids = matching_ids(types, layout.schema().types());
-  const Map given_back = to_map(layout, map.header().frame);
+BeliefChange belief_change(const Map& given_back, const Map& map) {
+  const Frame &own = map.header().frame, &other = given_back.header().frame;
+  if (own.edge_um != other.edge_um || own.datum_x_um != other.datum_x_um ||
+      own.datum_y_um != other.datum_y_um) {
+    throw Error(ErrorCode::kIncompatible, "the maps do not have the same patches");
+  }
+  const TypeTable &types = map.header().types, &types_back = given_back.header().types;
   BeliefChange change;
   Layer at_own_step;
   for (const auto& [key, patch] : map.by_key()) {
     for (const auto& [type, layer] : patch.layers) {
       if (!types[type].is_evidence()) continue;
-      const Layer* back = given_back.find(patch.index, ids[type]);
+      const auto id = types_back.find(types[type].name);
+      const Layer* back = id ? given_back.find(patch.index, *id) : nullptr;
       if (back == nullptr) {
         const std::uint64_t known = known_cells(layer, types[type]);
         change.known_cells += known;
         change.lost_cells += known;
         continue;
+      }
+      if (types_back[*id].channels != types[type].channels) {
+        throw Error(ErrorCode::kIncompatible, "layer '" + types[type].name + "' came back as another type");
       }
       if (back->step() != layer.step()) {
         resample(*back, types[type], layer.step(), at_own_step);
@@ -86,6 +93,11 @@ BeliefChange belief_change(const Layout& layout, const Map& map) {
     }
   }
   return change;
+}
+
+BeliefChange belief_change(const Layout& layout, const Map& map) {
+  matching_ids(map.header().types, layout.schema().types());
+  return belief_change(to_map(layout, map.header().frame), map);
 }
 
 }  // namespace apgm

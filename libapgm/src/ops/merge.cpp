@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <tuple>
 
+#include "apgm/core/budget.hpp"
+#include "apgm/core/working_memory.hpp"
 #include "apgm/fuse/framework.hpp"
+#include "lockstep.hpp"
 #include "merge_state.hpp"
 #include "pipeline.hpp"
 
@@ -11,37 +14,6 @@ namespace apgm::ops {
 namespace {
 
 using Lane = MergePlan::State::Lane;
-
-/// Walks one lane, one patch ahead.
-class LaneCursor {
- public:
-  explicit LaneCursor(const Lane& lane) : lane_(lane), cursor_(lane.source->patches()) { step(); }
-
-  bool ended() const { return ended_; }
-  std::uint64_t key() const { return key_; }
-
-  /// Gives the patch at hand and goes to the next.
-  void take(PatchInfo& out) {
-    std::swap(out, ahead_);
-    const std::uint64_t last = key_;
-    step();
-    if (!ended_ && key_ <= last) {
-      throw Error(ErrorCode::kDamaged, "the patches of '" + lane_.name + "' are not in key order");
-    }
-  }
-
- private:
-  void step() {
-    ended_ = !cursor_->next(ahead_);
-    if (!ended_) key_ = curve_key(ahead_.patch);
-  }
-
-  const Lane& lane_;
-  std::unique_ptr<PatchCursor> cursor_;
-  PatchInfo ahead_;
-  std::uint64_t key_ = 0;
-  bool ended_ = false;
-};
 
 /// A layer of one lane, to be fused into a type of the result.
 struct Claim {
@@ -72,7 +44,7 @@ class Merge final : public Stream {
  public:
   Merge(const MergePlan::State& plan, PatchSink& sink) : plan_(plan), sink_(sink) {
     cursors_.reserve(plan.lanes.size());
-    for (const Lane& lane : plan.lanes) cursors_.emplace_back(lane);
+    for (const Lane& lane : plan.lanes) cursors_.emplace_back(*lane.source, lane.name);
   }
 
   std::unique_ptr<Job> make_job() const override {
@@ -91,7 +63,7 @@ class Merge final : public Stream {
 
   const MergePlan::State& plan_;
   PatchSink& sink_;
-  std::vector<LaneCursor> cursors_;
+  std::vector<PatchLane> cursors_;
   MergeReport report_;
 };
 
@@ -99,7 +71,7 @@ bool Merge::produce(Job& base) {
   auto& job = static_cast<MergeJob&>(base);
   bool any = false;
   std::uint64_t key = 0;
-  for (const LaneCursor& cursor : cursors_) {
+  for (const PatchLane& cursor : cursors_) {
     if (cursor.ended() || (any && cursor.key() >= key)) continue;
     any = true;
     key = cursor.key();
@@ -189,12 +161,11 @@ void Merge::consume(Job& base) {
   sink_.put(job.patch, parcels);
 }
 
-StreamSize stream_size(const MergePlan::State& plan) {
+StreamSize job_size(const MergePlan::State& plan, const PatchSink& sink) {
   StreamSize size;
   std::vector<std::uint64_t> largest(plan.header.types.size());
   for (const Lane& lane : plan.lanes) {
-    size.patches += lane.source->summary().patches;
-    const auto own = largest_layers(*lane.source);
+    const auto own = largest_layers(*lane.sizes);
     for (std::size_t t = 0; t < own.size(); ++t) {
       std::uint64_t& bytes = largest[lane.types[t]];
       bytes = std::max(bytes, own[t]);
@@ -205,6 +176,11 @@ StreamSize stream_size(const MergePlan::State& plan) {
   if (plan.options.conflict != nullptr) {
     for (const std::uint64_t bytes : largest) size.job_bytes += bytes;
   }
+  const std::uint64_t most = largest.empty() ? 0 : *std::ranges::max_element(largest);
+  for (const Lane& lane : plan.lanes) {
+    size.thread_bytes = std::max(size.thread_bytes, working_bytes(*lane.source, most));
+  }
+  size.thread_bytes += working_bytes(sink, most);
   return size;
 }
 
@@ -214,8 +190,18 @@ MergeReport run_merge(const MergePlan::State& plan, PatchSink& sink, const RunOp
   if (run.findings) {
     for (const Finding& finding : plan.findings) run.findings(finding);
   }
+  StreamSize size = job_size(plan, sink);
+  RunOptions rest = run;
+  if (run.max_memory_bytes != 0 && plan.plan_bytes > 0) {
+    const std::uint64_t least = plan.plan_bytes + size.job_bytes + size.thread_bytes;
+    if (run.max_memory_bytes < least) {
+      throw over_budget("the memory budget does not hold the lists of the layers that are shifted", least);
+    }
+    rest.max_memory_bytes -= plan.plan_bytes;
+  }
+  for (const Lane& lane : plan.lanes) size.patches += lane.source->summary().patches;
   Merge merge(plan, sink);
-  run_stream(merge, stream_size(plan), run);
+  run_stream(merge, size, rest);
   return merge.report();
 }
 

@@ -90,7 +90,7 @@ const MergeInput& lead(const std::vector<const MergeInput*>& voters) {
 
 /// `input` on the grid of `target`: nullptr where it lies on it already.
 std::unique_ptr<PatchSource> aligned(const MergeInput& input, const MergeInput& first, const Frame& target,
-                                     bool may_regrid) {
+                                     const MergeOptions& options, RegridBudget& budget) {
   const Frame& frame = frame_of(input);
   const bool same_edge = frame.edge_um == target.edge_um;
   if (same_edge && frame.datum_x_um == target.datum_x_um && frame.datum_y_um == target.datum_y_um) return {};
@@ -100,7 +100,7 @@ std::unique_ptr<PatchSource> aligned(const MergeInput& input, const MergeInput& 
       return std::make_unique<ops::ShiftedSource>(*input.source, target, *offset);
     }
   }
-  if (may_regrid) return regrid(*input.source, target);
+  if (options.regrid) return regrid(*input.source, target, {}, {}, &budget);
   const char* hint = "pass --regrid to resample by area onto one grid; cells then change";
   if (!same_edge) {
     fail(first, input,
@@ -185,10 +185,16 @@ MergePlan::MergePlan(std::vector<MergeInput> inputs, MergeOptions options) {
   for (const MergeInput& input : inputs) {
     header.stamp_ns = std::max(header.stamp_ns, input.source->header().stamp_ns);
   }
+  RegridBudget budget{options.max_memory_bytes};
   for (const MergeInput* input : voting) {
-    State::Lane lane{input->source, input->alpha, input->name, {}, {}};
-    if (auto adapter = aligned(*input, first, header.frame, options.regrid)) {
+    State::Lane lane{input->source, input->source, input->alpha, input->name, {}, {}};
+    if (auto adapter = aligned(*input, first, header.frame, options, budget)) {
       lane.source = adapter.get();
+      if (const auto* shifted = dynamic_cast<const ops::ShiftedSource*>(lane.source)) {
+        state->plan_bytes += shifted->plan_bytes();
+      } else {
+        lane.sizes = lane.source;
+      }
       state->adapters.push_back(std::move(adapter));
     }
     map_types(header.types, lane);

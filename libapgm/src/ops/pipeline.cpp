@@ -8,6 +8,10 @@
 #include <mutex>
 #include <utility>
 
+#include "apgm/core/budget.hpp"
+#include "apgm/core/working_memory.hpp"
+#include "hand_over.hpp"
+
 namespace apgm::ops {
 namespace {
 
@@ -80,6 +84,12 @@ class Runner {
 class JobPool {
  public:
   explicit JobPool(const Stream& stream) : stream_(stream) {}
+  /// A failure leaves jobs between stages.
+  ~JobPool() {
+    for (const auto& job : jobs_) receive(job.get());
+  }
+  JobPool(const JobPool&) = delete;
+  JobPool& operator=(const JobPool&) = delete;
 
   Job* take() {
     const std::scoped_lock lock(mutex_);
@@ -114,24 +124,35 @@ std::size_t run_serial(Stream& stream, Runner& runner) {
   return 1;
 }
 
+/// Stands for the start of a pipeline. No member of a closure: TBB's copies of these are read behind it.
+const char kStart{};
+
 std::size_t run_parallel(Stream& stream, Runner& runner, std::size_t threads, std::size_t tokens) {
   namespace tbb = oneapi::tbb;
   JobPool pool(stream);
+  const char first{}, last{};  // addresses that stand for what TBB keeps in order
   const auto produce = [&](tbb::flow_control& flow) -> Job* {
+    receive(&kStart);
+    const Turn turn(&first);
     Job* job = pool.take();
+    const Turn of_job(job);
     if (runner.produce(*job)) return job;
     pool.give(job);
     flow.stop();
     return nullptr;
   };
   const auto work = [&](Job* job) {
+    const Turn of_job(job);
     runner.work(*job);
     return job;
   };
   const auto consume = [&](Job* job) {
+    const Turn of_job(job), turn(&last);
     runner.consume(*job);
     pool.give(job);
   };
+  hand_over(&kStart);
+  const AtEnd ended{{&first, &last}};
   tbb::task_arena arena(static_cast<int>(threads));
   arena.execute([&] {
     tbb::parallel_pipeline(tokens,
@@ -162,21 +183,22 @@ Parcel& ParcelList::add(PatchIndex patch, TypeId type, std::int64_t stamp_ns) {
   return parcel;
 }
 
-std::size_t token_limit(std::uint64_t job_bytes, std::size_t threads, const RunOptions& run) {
+std::size_t token_limit(const StreamSize& size, std::size_t threads, const RunOptions& run) {
   const std::size_t wanted = threads == 1 ? 1 : threads * kTokensPerThread;
-  if (run.max_memory_bytes == 0) return wanted;
-  const std::uint64_t fit = run.max_memory_bytes / std::max<std::uint64_t>(job_bytes, 1);
-  if (fit == 0) {
-    const std::uint64_t mebibytes = (job_bytes >> 20) + 1;
-    throw Error(ErrorCode::kLimit, "the memory budget does not hold one patch at work")
-        .hint("allow at least " + std::to_string(mebibytes) + " MiB");
-  }
+  const std::uint64_t budget = run.max_memory_bytes;
+  if (budget == 0) return wanted;
+  const std::uint64_t job = std::max<std::uint64_t>(size.job_bytes, 1);
+  // As many threads as jobs at first, then all threads and more jobs.
+  std::uint64_t fit = budget / (job + size.thread_bytes);
+  if (fit == 0)
+    throw over_budget("the memory budget does not hold one patch at work", job + size.thread_bytes);
+  if (fit > threads) fit = (budget - size.thread_bytes * threads) / job;
   return static_cast<std::size_t>(std::min<std::uint64_t>(wanted, fit));
 }
 
 std::size_t run_stream(Stream& stream, const StreamSize& size, const RunOptions& run) {
   const std::size_t threads = thread_count(run);
-  const std::size_t tokens = token_limit(size.job_bytes, threads, run);
+  const std::size_t tokens = token_limit(size, threads, run);
   Runner runner(stream, size, run);
   return tokens == 1 ? run_serial(stream, runner)
                      : run_parallel(stream, runner, std::min(threads, tokens), tokens);
@@ -204,6 +226,12 @@ std::uint64_t job_bytes(std::span<const std::uint64_t> largest, std::uint64_t bu
     most = std::max(most, bytes);
   }
   return sum + (buffers + kCodecBuffers) * most + kLayerOverhead;
+}
+
+std::uint64_t thread_bytes(const PatchSource& source, const PatchSink& sink,
+                           std::span<const std::uint64_t> largest) {
+  const std::uint64_t most = largest.empty() ? 0 : *std::ranges::max_element(largest);
+  return working_bytes(source, most) + working_bytes(sink, most);
 }
 
 namespace {

@@ -52,8 +52,9 @@ class Stream {
 };
 
 struct StreamSize {
-  std::uint64_t patches = 0;    ///< sum of Job::source_patches, for the progress
-  std::uint64_t job_bytes = 0;  ///< most memory one job can take
+  std::uint64_t patches = 0;       ///< sum of Job::source_patches, for the progress
+  std::uint64_t job_bytes = 0;     ///< most memory one job can take
+  std::uint64_t thread_bytes = 0;  ///< and one thread beside its jobs
 };
 
 /// Runs all jobs of `stream` on `run.threads` threads.
@@ -66,7 +67,8 @@ struct StreamSize {
 std::size_t run_stream(Stream& stream, const StreamSize& size, const RunOptions& run);
 
 /// Jobs in flight: a few for each thread, fewer if `run.max_memory_bytes` asks for it.
-std::size_t token_limit(std::uint64_t job_bytes, std::size_t threads, const RunOptions& run);
+/// @throws Error{kLimit} with the least budget that holds one job
+std::size_t token_limit(const StreamSize& size, std::size_t threads, const RunOptions& run);
 
 /// Bytes of the largest layer of each type of a source, from its summary.
 std::vector<std::uint64_t> largest_layers(const PatchSource& source);
@@ -74,6 +76,10 @@ std::vector<std::uint64_t> largest_layers(const PatchSource& source);
 /// Most memory of a job whose patches hold one layer a type, each at its largest: all of them stored, and
 /// `buffers` of the largest at work.
 std::uint64_t job_bytes(std::span<const std::uint64_t> largest, std::uint64_t buffers);
+
+/// Most memory a thread takes to load from `source` and pack for `sink` (WorkingMemory).
+std::uint64_t thread_bytes(const PatchSource& source, const PatchSink& sink,
+                           std::span<const std::uint64_t> largest);
 
 /// Adds a layer to the parcels of `job` as it is: the stored bytes where `as_stored` and the source has them,
 /// else its cells, packed.

@@ -6,7 +6,9 @@
 #include <cstring>
 #include <functional>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/core/error.hpp"
+#include "apgm/core/working_memory.hpp"
 #include "apgm/fuse/resample.hpp"
 #include "colouring.hpp"
 #include "pipeline.hpp"
@@ -306,14 +308,18 @@ std::optional<int> finest_step(const Summary& summary, TypeId type) {
   return {};
 }
 
-void allocate(const View& view, const ops::Colouring& colouring, const RunOptions& run, Raster& raster) {
-  const auto bytes = static_cast<std::uint64_t>(view.window.width() * view.window.height()) * sizeof(Pixel);
-  if (run.max_memory_bytes != 0 && bytes > run.max_memory_bytes) {
-    throw Error(ErrorCode::kLimit, "the picture takes " + std::to_string(bytes) +
-                                       " bytes of memory, the limit is " +
-                                       std::to_string(run.max_memory_bytes))
-        .hint("choose more metres a pixel or a smaller area");
-  }
+std::uint64_t raster_bytes(const View& view) {
+  return static_cast<std::uint64_t>(view.window.width() * view.window.height()) * sizeof(Pixel);
+}
+
+/// What is at work beside the raster: layers, and what decoding takes of them.
+ops::StreamSize stream_size(const PatchSource& source, TypeId type, std::uint64_t patches) {
+  const std::uint64_t largest[] = {ops::largest_layers(source)[type]};
+  return {patches, ops::job_bytes(largest, 1), working_bytes(source, largest[0])};
+}
+
+void allocate(const View& view, const ops::Colouring& colouring, Raster& raster) {
+  const std::uint64_t bytes = raster_bytes(view);
   raster.width = static_cast<int>(view.window.width());
   raster.height = static_cast<int>(view.window.height());
   raster.rgba.resize(bytes);
@@ -365,7 +371,14 @@ Rendering render(const PatchSource& source, const RenderOptions& options, const 
   if (!finest || summary.range.empty()) return out;
   const Box area = options.area ? *options.area : header.frame.box_m(summary.range);
   const View view = view_of(area, header.frame, *finest, options);
-  allocate(view, colouring, run, out.raster);
+  const ops::StreamSize size = stream_size(source, options.type, summary.patches);
+  const std::uint64_t least = raster_bytes(view) + size.job_bytes + size.thread_bytes;
+  if (run.max_memory_bytes != 0 && least > run.max_memory_bytes) {
+    throw over_budget("the picture takes " + std::to_string(least) + " bytes of memory, the limit is " +
+                          std::to_string(run.max_memory_bytes),
+                      least, "choose more metres a pixel or a smaller area");
+  }
+  allocate(view, colouring, out.raster);
   out.area = box_of(view, header.frame);
   out.pixel_m = view.grid.pixel_m(header.frame);
   const std::int64_t patch_px = view.grid.per_patch();
@@ -373,11 +386,8 @@ Rendering render(const PatchSource& source, const RenderOptions& options, const 
 
   RenderStream stream(source, options, view, colouring, out);
   RunOptions rest = run;
-  if (run.max_memory_bytes != 0) {
-    rest.max_memory_bytes = std::max<std::uint64_t>(1, run.max_memory_bytes - out.raster.rgba.size());
-  }
-  const auto largest = ops::largest_layers(source);
-  ops::run_stream(stream, {summary.patches, 2 * largest[options.type]}, rest);
+  if (run.max_memory_bytes != 0) rest.max_memory_bytes -= out.raster.rgba.size();
+  ops::run_stream(stream, size, rest);
   stream.finish();
   colouring.finish(out.raster.rgba);
   out.legend = colouring.legend();

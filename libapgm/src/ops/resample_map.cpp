@@ -113,18 +113,17 @@ void Resample::consume(Job& base) {
   if (!parcels.empty()) sink_.put(job.patch, parcels);
 }
 
-/// Copies of the largest layer at work beside the stored ones: native, result and what resampling keeps; a
-/// regridding has its sums in double.
+/// Copies of the largest layer at work beside the stored ones: native, result and what resampling keeps.
 constexpr std::uint64_t kBuffers = 3;
-constexpr std::uint64_t kRegridBuffers = 8;
 
 }  // namespace
 
 ResampleReport run_resample(const ResamplePlan::State& plan, PatchSink& sink, const RunOptions& run,
                             const std::function<void(const ResampledLayer&)>& watch) {
   Resample stream(plan, sink, watch);
-  run_stream(stream, {plan.patches, job_bytes(plan.largest, plan.regridded ? kRegridBuffers : kBuffers)},
-             run);
+  run_stream(
+      stream,
+      {plan.patches, job_bytes(plan.largest, kBuffers), thread_bytes(*plan.source, sink, plan.largest)}, run);
   ResampleReport report = std::move(stream).report();
   for (std::size_t t = 0; plan.regridded && t < report.types.size(); ++t) {
     report.types[t].cells_before = plan.expected.types[t].cells_before;

@@ -192,7 +192,8 @@ ResamplePlan::ResamplePlan(const PatchSource& source, ResampleOptions options) {
                   "all layers of a map lie on one grid, at one step if any is said");
     }
     state->regridded = true;
-    adapt(regrid(*state->source, header.frame, {}, state->step));
+    RegridBudget budget{wanted.max_memory_bytes};
+    adapt(regrid(*state->source, header.frame, {}, state->step, &budget));
   }
   header.history.push_back(history_step(source, wanted));
   foresee(source.summary(), *state);

@@ -7,6 +7,7 @@
 
 #include "apgm/core/error.hpp"
 #include "apgm/fuse/resample.hpp"
+#include "totals.hpp"
 
 namespace apgm::ops {
 namespace {
@@ -83,9 +84,32 @@ const ShiftedSource::Plan& ShiftedSource::plan() const {
   return plan_;
 }
 
+std::uint64_t ShiftedSource::plan_bytes() const {
+  const Summary summary = source_.summary();
+  std::uint64_t layers = 0;
+  for (const Summary::OfType& type : summary.types) layers += type.layers;
+  return layers * sizeof(LayerInfo) + (summary.patches + 1) * sizeof(std::size_t) +
+         summary.patches * parts_per_patch() * sizeof(Part);
+}
+
+std::uint64_t ShiftedSource::working_bytes(std::uint64_t layer_bytes) const {
+  return apgm::working_bytes(source_, layer_bytes) + (by_patches() ? 0 : 2 * layer_bytes);
+}
+
+/// Lists that grow would take up to thrice the memory; a file's own totals are not to be trusted with any.
+void ShiftedSource::reserve(Plan& plan) const {
+  std::size_t layers = 0, patches = 0;
+  PatchInfo patch;
+  for (const auto cursor = source_.patches(); cursor->next(patch); ++patches) layers += patch.layers.size();
+  plan.layers.reserve(layers);
+  plan.patches.reserve(patches + 1);
+  plan.parts.reserve(patches * parts_per_patch());
+}
+
 ShiftedSource::Plan ShiftedSource::make_plan() const {
   Plan plan;
   PatchInfo patch;
+  reserve(plan);
   const auto cursor = source_.patches();
   while (cursor->next(patch)) {
     const auto source = static_cast<std::uint32_t>(plan.patches.size());
@@ -129,25 +153,7 @@ void ShiftedSource::describe(std::span<const Part> parts, PatchInfo& out) const 
   }
 }
 
-Summary ShiftedSource::summary() const {
-  Summary s;
-  s.types.resize(header_.types.size());
-  const auto cursor = patches();
-  PatchInfo patch;
-  while (cursor->next(patch)) {
-    ++s.patches;
-    s.range.add(patch.patch);
-    for (const LayerInfo& info : patch.layers) {
-      Summary::OfType& type = s.types[info.type];
-      ++type.layers;
-      ++type.layers_at[info.step];
-      type.stored_bytes += info.stored_bytes;
-      const std::uint64_t cells = std::uint64_t{1} << (2 * info.step);
-      type.raw_bytes += cells * header_.types[info.type].channels.size() * sizeof(float);
-    }
-  }
-  return s;
-}
+Summary ShiftedSource::summary() const { return totals_of(*this); }
 
 std::unique_ptr<PatchCursor> ShiftedSource::patches(const std::optional<PatchRange>& range) const {
   plan();
@@ -171,9 +177,11 @@ void ShiftedSource::load(const LayerInfo& info, Layer& out) const {
   const LayerType& type = header_.types[info.type];
   out.reset(type, info.step);
   Layer native, fine;
-  const auto parts = std::ranges::equal_range(plan().parts, curve_key(info.patch), {}, &Part::key);
-  for (const Part& part : parts) {
-    const auto layers = plan_.layers_of(part.source);
+  const std::vector<Part>& parts = plan().parts;
+  const std::uint64_t key = curve_key(info.patch);
+  auto part = std::ranges::lower_bound(parts, key, {}, &Part::key);
+  for (; part != parts.end() && part->key == key; ++part) {
+    const auto layers = plan_.layers_of(part->source);
     const auto it = std::ranges::lower_bound(layers, info.type, {}, &LayerInfo::type);
     if (it == layers.end() || it->type != info.type) continue;
     source_.load(*it, native);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "apgm/core/source.hpp"
+#include "apgm/core/working_memory.hpp"
 
 namespace apgm::ops {
 
@@ -32,7 +33,7 @@ std::optional<int> coarsest_step(const PatchSource& source);
 ///
 /// The Hilbert order of patches is not kept by a shift, so the layer infos of the source are held and sorted:
 /// memory grows with the number of layers (about 50 bytes each), not of cells.
-class ShiftedSource final : public PatchSource {
+class ShiftedSource final : public PatchSource, public WorkingMemory {
  public:
   /// `target`: the frame to be seen in. @throws Error{kLimit} on use if patch indices leave their range
   ShiftedSource(const PatchSource& source, const Frame& target, const CellOffset& offset);
@@ -42,6 +43,9 @@ class ShiftedSource final : public PatchSource {
   std::unique_ptr<PatchCursor> patches(const std::optional<PatchRange>& range = {}) const override;
   void load(const LayerInfo& info, Layer& out) const override;
   bool load_stored(const LayerInfo& info, StoredLayer& out) const override;
+  std::uint64_t working_bytes(std::uint64_t layer_bytes) const override;
+  /// Memory of the layer infos, which are read on first use; known before that.
+  std::uint64_t plan_bytes() const;
 
  private:
   friend class ShiftedCursor;
@@ -61,7 +65,9 @@ class ShiftedSource final : public PatchSource {
   };
   const Plan& plan() const;
   Plan make_plan() const;
+  void reserve(Plan& plan) const;
   bool by_patches() const { return cells_x_ == 0 && cells_y_ == 0; }
+  std::uint64_t parts_per_patch() const { return (cells_x_ != 0 ? 2u : 1u) * (cells_y_ != 0 ? 2u : 1u); }
   /// The target layers made of `parts`, sorted by type.
   void describe(std::span<const Part> parts, PatchInfo& out) const;
   /// Copies the part of `layer`, which lies in source patch `from`, that belongs to `target`.

@@ -41,7 +41,9 @@ TransferReport Transfer::run(const RunOptions& options) {
     StreamSize size;
     // A bound makes the number of patches unknown before the walk; all of them is an upper bound.
     size.patches = source_.summary().patches;
-    size.job_bytes = job_bytes(largest_layers(source_), kBuffers);
+    const auto largest = largest_layers(source_);
+    size.job_bytes = job_bytes(largest, kBuffers);
+    size.thread_bytes = thread_bytes(source_, sink_, largest);
     run_stream(*this, size, options);
     cursor_.reset();
     like_cursor_.reset();

@@ -30,6 +30,12 @@ class ScratchMap final : public PatchStore, public PatchSource {
   /// before is then still there
   void store(const Patch& patch) override;
   bool take(PatchIndex index, Patch& out) override;
+  /// Keeps one layer as it is stored, in place of what it held of that patch and type.
+  /// @param parcel  of state kStored, with bytes that decode to cells of its type
+  /// @throws Error{kOutput}; what it held is then unchanged
+  void put(const Parcel& parcel);
+  /// Forgets one layer. @return false if there was none
+  bool erase(PatchIndex patch, TypeId type);
 
   /// Replaces the header; layers follow their type's name.
   /// @throws Error{kIncompatible} as set_types, or if the frame is another

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "apgm/core/source.hpp"
+#include "apgm/core/working_memory.hpp"
 #include "apgm/format/output_file.hpp"
 
 namespace apgm {
@@ -36,7 +37,7 @@ struct WriteReport {
 ///
 /// Guarantees: same header, options and patches give the same bytes; the file appears whole, in `finish`, or
 /// not at all. Thread rule: `pack` from any thread, the rest from one.
-class Writer final : public PatchSink {
+class Writer final : public PatchSink, public WorkingMemory {
  public:
   /// @param path    target, or "-" for standard output
   /// @throws Error{kOutput} as OutputFile; {kInvalidArgument|kLimit} on a header that cannot be stored
@@ -49,6 +50,8 @@ class Writer final : public PatchSink {
   /// Unless masses are to be rounded: then every layer must come as cells.
   bool takes_stored() const override;
   void pack(Parcel& parcel) const override;
+  /// Of the compression, which takes more the higher the level is.
+  std::uint64_t working_bytes(std::uint64_t layer_bytes) const override;
   void put(PatchIndex index, std::span<Parcel> parcels) override;
   void finish() override;
   /// After `finish`.

@@ -13,6 +13,12 @@ struct RigidMotion {
   Point pivot_m{};
 };
 
+/// What regrids may keep, and keep already: shared by those that are made with it.
+struct RegridBudget {
+  std::uint64_t max_bytes = 0;  ///< 0: no bound
+  std::uint64_t used_bytes = 0;
+};
+
 /// A source seen on another grid: other edge, datum or yaw, by area weights (docs/theory.md, "Arbitrary ratio
 /// or offset"): with w_ij = area(i and j) / area(i), lambda_j = sum w_ij lambda_i (so the sum of lambda is
 /// conserved), phi_j = area-weighted mean over the target cell. Each target layer is made once, from the
@@ -22,8 +28,11 @@ struct RigidMotion {
 /// there, unless `step` is given. Patches come in key order; memory is bounded by the number of patches, not
 /// of cells. Guarantees: same bytes for any ISA and thread count.
 ///
-/// @throws Error{kLimit|kInvalidArgument} if the frame or the motion cannot be used
+/// @throws Error{kLimit|kInvalidArgument} if the frame or the motion cannot be used; over_budget() if
+/// `budget`
+///         does not hold what is known of the patches
 std::unique_ptr<PatchSource> regrid(const PatchSource& source, const Frame& target,
-                                    const RigidMotion& motion = {}, std::optional<int> step = {});
+                                    const RigidMotion& motion = {}, std::optional<int> step = {},
+                                    RegridBudget* budget = nullptr);
 
 }  // namespace apgm

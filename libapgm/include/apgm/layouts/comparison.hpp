@@ -26,9 +26,16 @@ struct BeliefChange {
 /// @throws those of to_map, {kIncompatible} if the layout lacks a type of the map
 BeliefChange belief_change(const Layout& layout, const Map& map);
 
+/// The same for a map that came back from another format: its layers at the map's own steps. Types are found
+/// by name; cells of a type that it lacks are lost.
+/// @throws Error{kIncompatible} if edges or datums differ, or a type of one name has other channels
+BeliefChange belief_change(const Map& given_back, const Map& map);
+
 /// As measure_cost of a layout, for an adaptive patched grid map: a find reads a value of every layer at a
 /// place, an insert writes all values of a cell of one layer, growth makes a patch with a layer of the finest
-/// step. Moving costs nothing by itself (shift_ns is 0): what the vehicle leaves is dropped by the Mapper.
+/// step (grow_ns is 0 at the end of all indices). Moving costs nothing by itself (shift_ns is 0): what the
+/// vehicle leaves is dropped by the Mapper.
+/// @throws Error{kInvalidArgument} if the map has no cells or an option is below 1, {kLimit} beyond 4e9 m
 LayoutCost measure_cost(const Map& map, std::uint64_t seed, const CostOptions& options = {});
 
 }  // namespace apgm

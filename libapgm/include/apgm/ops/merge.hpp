@@ -34,6 +34,7 @@ struct MergeOptions {
   bool regrid = false;  ///< area-weighted regridding where frames differ by more than whole cells
   std::optional<std::string> assume_frame_id;  ///< take all inputs as being in this frame
   ConflictSink* conflict = nullptr;
+  std::uint64_t max_memory_bytes = 0;  ///< what the plan of regridded inputs may take; 0: no bound
 };
 
 struct MergeReport {

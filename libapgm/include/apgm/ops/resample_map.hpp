@@ -27,6 +27,7 @@ struct ResampleOptions {
   std::optional<Policy> policy;     ///< for these types in place of their own; the result's types carry it
   std::optional<std::int64_t> edge_um;                  ///< regrid to this patch edge
   std::optional<std::array<std::int64_t, 2>> datum_um;  ///< and to this datum (x, y)
+  std::uint64_t max_memory_bytes = 0;  ///< what the plan of a regridding may take; 0: no bound
 
   /// Members added to the parameters told in the history; values are JSON.
   std::map<std::string, std::string> told;

@@ -20,4 +20,7 @@ struct CellStatistics {
 /// By TypeId of the source. Reads every layer, in parallel, with bounded memory.
 std::vector<CellStatistics> statistics(const PatchSource& source, const RunOptions& run = {});
 
+/// The summary of a source that has to walk its patches for it; no layer is read.
+Summary totals_of(const PatchSource& source);
+
 }  // namespace apgm

@@ -1,0 +1,125 @@
+#include <algorithm>
+
+#include "content_id.hpp"
+#include "map_header.hpp"
+#include "recover_plan.hpp"
+
+namespace apgm::format {
+namespace {
+
+/// A whole Footer block. What it says of places is not held against the file: bytes may be missing before it.
+std::optional<Footer> footer_of(const Salvage& salvage, const FoundBlock& found) {
+  const std::vector<std::byte> bytes = salvage.block(found.offset, found.bytes);
+  const Block block = parse_block(bytes, Kind::kFooter);
+  if (!block.meta.empty() || block.body.size() != sizeof(Footer)) return std::nullopt;
+  const auto footer = read_as<Footer>(block.body);
+  if (footer.tail != kTail || footer.commits != found.commit) return std::nullopt;
+  return footer;
+}
+
+}  // namespace
+
+/// The newest commit that any block is of, and its footer.
+void RecoverPlan::find_newest() {
+  for (const auto* list : {&salvage_.headers, &salvage_.pages, &salvage_.roots, &salvage_.footers}) {
+    for (const FoundBlock& block : *list) newest_ = std::max(newest_, block.commit);
+  }
+  for (const FoundLayer& layer : salvage_.layers) newest_ = std::max(newest_, layer.commit);
+  for (const Broken& broken : salvage_.broken) newest_ = std::max(newest_, broken.commit);
+  for (auto at = salvage_.footers.rbegin(); at != salvage_.footers.rend() && !footer_; ++at) {
+    if (at->commit == newest_) footer_ = footer_of(salvage_, *at);
+  }
+  report_.commit = newest_;
+}
+
+std::string RecoverPlan::stated_id() const { return footer_ ? to_hex(footer_->content_id) : std::string(); }
+
+const FoundBlock* RecoverPlan::named_header(const Footer& footer) {
+  const auto find = [&]() -> const FoundBlock* {
+    const auto at = std::ranges::find(salvage_.headers, footer.header_hash, &FoundBlock::payload_hash);
+    return at == salvage_.headers.end() ? nullptr : &*at;
+  };
+  if (const FoundBlock* there = find()) return there;
+  if (!salvage_.find_header(footer.header_offset, footer.header_bytes, footer.header_hash, footer.commits)) {
+    return nullptr;
+  }
+  return find();
+}
+
+const FoundBlock* RecoverPlan::header_of(std::uint64_t commit) const {
+  const auto at = std::find_if(salvage_.headers.rbegin(), salvage_.headers.rend(),
+                               [&](const FoundBlock& block) { return block.commit == commit; });
+  return at == salvage_.headers.rend() ? nullptr : &*at;
+}
+
+const FoundBlock* RecoverPlan::newest_header(std::uint64_t up_to) const {
+  const FoundBlock* newest = nullptr;
+  for (const FoundBlock& block : salvage_.headers) {
+    if (block.commit <= up_to && (newest == nullptr || block.commit >= newest->commit)) newest = &block;
+  }
+  return newest;
+}
+
+MapHeader RecoverPlan::read_header(const FoundBlock& block) const {
+  return read_map_header(salvage_.block(block.offset, block.bytes));
+}
+
+/// The newest index whose root is there, with a header that fits it.
+bool RecoverPlan::find_root() {
+  std::vector<FoundBlock> roots = salvage_.roots;
+  std::ranges::stable_sort(roots, [](const FoundBlock& a, const FoundBlock& b) {
+    return std::pair(a.commit, a.offset) > std::pair(b.commit, b.offset);
+  });
+  for (const FoundBlock& root : roots) {
+    const FoundBlock* block = nullptr;
+    if (footer_ && footer_->root_hash == root.payload_hash) block = named_header(*footer_);
+    if (block == nullptr) block = header_of(root.commit);
+    if (block == nullptr && options_.header == nullptr) block = newest_header(root.commit);
+    if (use_root(root, block, options_.header)) return true;
+  }
+  return false;
+}
+
+bool RecoverPlan::use_root(const FoundBlock& found, const FoundBlock* header_block, const MapHeader* given) {
+  if (header_block == nullptr && given == nullptr) return false;
+  try {
+    MapHeader map_header = header_block != nullptr ? read_header(*header_block) : *given;
+    constexpr std::uint64_t kAnywhere = std::uint64_t{1} << 62;  // places are found by hash
+    root_ = read_root(salvage_.block(found.offset, found.bytes), kAnywhere, map_header.types.size());
+    root_commit_ = found.commit;
+    header = std::move(map_header);
+    took_header(header_block);
+    return true;
+  } catch (const Error& e) {
+    if (e.code() == ErrorCode::kUnreadable) throw;
+    return false;
+  }
+}
+
+void RecoverPlan::use_header_alone() {
+  const FoundBlock* block = footer_ ? named_header(*footer_) : nullptr;
+  if (block == nullptr) block = header_of(newest_);
+  if (block == nullptr && options_.header == nullptr) block = newest_header(newest_);
+  if (block == nullptr && options_.header == nullptr) {
+    throw Error(ErrorCode::kDamaged, "'" + file_.path() + "' is damaged: no map header is left in it")
+        .hint("another map with the same frame and layer types can stand in for it")
+        .at(file_.path());
+  }
+  header = block != nullptr ? read_header(*block) : *options_.header;
+  took_header(block);
+}
+
+/// Says so if the header is not the one the newest commit had.
+void RecoverPlan::took_header(const FoundBlock* block) {
+  if (block == nullptr) {
+    header.metadata.clear();
+    header.history.clear();
+    header.stamp_ns = 0;
+    lose(sizeof(Preamble), "the map header: frame and layer types are those that were given");
+  } else if (block->commit != newest_ || (footer_ && footer_->header_hash != block->payload_hash)) {
+    lose(block->offset, "the map header of commit " + std::to_string(newest_) + ": that of commit " +
+                            std::to_string(block->commit) + " stands in for it");
+  }
+}
+
+}  // namespace apgm::format

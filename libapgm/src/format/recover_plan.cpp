@@ -1,0 +1,232 @@
+#include "recover_plan.hpp"
+
+#include <algorithm>
+#include <map>
+#include <tuple>
+#include <unordered_map>
+
+#include "content_id.hpp"
+#include "located.hpp"
+#include "map_header.hpp"
+
+namespace apgm::format {
+namespace {
+
+/// Layer types of this many commits are looked up; of older ones they are taken to be the same.
+constexpr std::size_t kMaxTables = 64;
+
+Chosen chosen(const FoundLayer& layer, std::uint16_t type) {
+  Chosen c{layer.info, layer.key, layer.commit};
+  c.info.type = type;
+  return c;
+}
+
+auto order_of(const Chosen& c) { return std::pair(c.key, c.info.type); }
+
+auto place_of(const FoundLayer& l) {
+  return std::tuple(l.key, l.info.type, l.payload_hash, l.commit, l.info.locator);
+}
+
+bool same_meaning(const LayerType& a, const LayerType& b) {
+  if (!a.same_space(b)) return false;
+  return (a.policy == Policy::kSum) == (b.policy == Policy::kSum);
+}
+
+}  // namespace
+
+void RecoverPlan::make() {
+  find_newest();
+  if (!find_root()) use_header_alone();
+  report_.index = root_.has_value() && root_commit_ == newest_;
+  std::ranges::sort(salvage_.layers, {}, place_of);
+  read_tables();
+  if (root_) take_index();
+  take_unindexed();
+  // An unindexed layer replaces the one of the index: it is newer.
+  std::ranges::stable_sort(unindexed_, {}, order_of);
+  const std::vector<Chosen> indexed = std::move(layers);
+  layers.clear();
+  layers.reserve(indexed.size() + unindexed_.size());
+  std::ranges::merge(unindexed_, indexed, std::back_inserter(layers), {}, order_of, order_of);
+  const auto same = [](const Chosen& a, const Chosen& b) { return order_of(a) == order_of(b); };
+  layers.erase(std::unique(layers.begin(), layers.end(), same), layers.end());
+}
+
+void RecoverPlan::read_tables() {
+  for (auto block = salvage_.headers.rbegin(); block != salvage_.headers.rend(); ++block) {
+    if (tables_.size() == kMaxTables) break;
+    try {
+      tables_.emplace_back(block->commit, read_header(*block).types);
+    } catch (const Error& e) {
+      if (e.code() == ErrorCode::kUnreadable) throw;
+    }
+  }
+  if (tables_.empty()) tables_.emplace_back(newest_, header.types);
+}
+
+/// A layer's type counts in the table of its commit. Where that is lost, it is known only if all others
+/// agree.
+std::optional<std::uint16_t> RecoverPlan::type_in_map(const FoundLayer& layer) const {
+  const LayerType* type = nullptr;
+  for (const auto& [commit, table] : tables_) {
+    const bool own = commit == layer.commit;
+    if (layer.info.type >= table.size()) {
+      if (own) return std::nullopt;
+      continue;
+    }
+    const LayerType& here = table[layer.info.type];
+    if (own) {
+      type = &here;
+      break;
+    }
+    if (type != nullptr && !same_meaning(*type, here)) return std::nullopt;
+    type = &here;
+  }
+  if (type == nullptr) return std::nullopt;
+  const auto id = header.types.find(type->name);
+  if (!id || !same_meaning(header.types[*id], *type)) return std::nullopt;
+  return id;
+}
+
+void RecoverPlan::take_index() {
+  constexpr std::uint64_t kAnywhere = std::uint64_t{1} << 62;
+  std::unordered_map<std::uint64_t, FoundBlock> pages;
+  for (const FoundBlock& page : salvage_.pages) pages.emplace(page.payload_hash, page);
+  std::vector<IndexEntry> entries;
+  for (const fbs::PageRef& ref : root_->pages) {
+    const auto page = pages.find(ref.hash());
+    try {
+      if (page == pages.end()) throw Error(ErrorCode::kDamaged, "the page is lost");
+      read_page(salvage_.block(page->second.offset, page->second.bytes), ref, kAnywhere, header.types, *root_,
+                entries);
+      if (!layers.empty() && order_of(layers.back()) >= Order(entries.front().key, entries.front().type)) {
+        throw Error(ErrorCode::kDamaged, "the page is out of order");
+      }
+      for (const IndexEntry& entry : entries) take_entry(entry);
+    } catch (const Error& e) {
+      if (e.code() == ErrorCode::kUnreadable) throw;
+      lost_pages_.push_back({ref.offset(), ref.first_key(), ref.last_key(), ref.entries()});
+    }
+  }
+}
+
+void RecoverPlan::take_entry(const IndexEntry& e) {
+  const auto first = std::tuple(e.key, e.type, e.stored_hash, std::uint64_t{0}, std::uint64_t{0});
+  const auto at = std::ranges::lower_bound(salvage_.layers, first, {}, place_of);
+  if (at != salvage_.layers.end() && at->key == e.key && at->info.type == e.type &&
+      at->payload_hash == e.stored_hash) {
+    layers.push_back(chosen(*at, e.type));
+  } else {
+    lost_entries_.push_back({{e.key, e.type}, {e.ix, e.iy}, e.offset, {}});
+  }
+}
+
+bool RecoverPlan::in_lost_page(std::uint64_t key) const {
+  // Pages ascend, and so do those that are lost.
+  const auto after = std::ranges::upper_bound(lost_pages_, key, {}, &LostPage::first_key);
+  for (auto page = after; page != lost_pages_.begin();) {
+    --page;
+    if (key <= page->last_key) return true;
+    if (page->first_key != page->last_key) break;
+  }
+  return false;
+}
+
+/// What no index names: all without one, what is newer than it, and what stood in a page that is lost.
+void RecoverPlan::take_unindexed() {
+  const std::vector<FoundLayer>& found = salvage_.layers;
+  for (std::size_t from = 0, to = 0; from < found.size(); from = to) {
+    for (to = from; to < found.size() && found[to].key == found[from].key; ++to) {
+    }
+    take_group(from, to);
+  }
+}
+
+/// The layers of one patch.
+void RecoverPlan::take_group(std::size_t from, std::size_t to) {
+  const std::vector<FoundLayer>& found = salvage_.layers;
+  const std::uint64_t key = found[from].key;
+  bool wanted =
+      !root_ || in_lost_page(key) ||
+      std::ranges::binary_search(lost_entries_, key, {}, [](const LostEntry& e) { return e.order.first; });
+  for (std::size_t i = from; i < to && !wanted; ++i) wanted = found[i].commit > root_commit_;
+  if (!wanted) return;
+  std::map<std::uint16_t, const FoundLayer*> newest;
+  for (std::size_t i = from; i < to; ++i) {
+    const auto type = type_in_map(found[i]);
+    if (!type) continue;
+    const FoundLayer*& best = newest[*type];
+    const auto age = [](const FoundLayer& l) { return std::pair(l.commit, l.info.locator); };
+    if (best == nullptr || age(*best) < age(found[i])) best = &found[i];
+  }
+  for (const auto& [type, layer] : newest) add_unindexed(*layer, type);
+}
+
+void RecoverPlan::add_unindexed(const FoundLayer& layer, std::uint16_t type) {
+  const Order order(layer.key, type);
+  if (!root_ || layer.commit > root_commit_) return unindexed_.push_back(chosen(layer, type));
+  if (std::ranges::binary_search(layers, order, {}, order_of)) return;
+  const auto lost = std::ranges::lower_bound(lost_entries_, order, {}, &LostEntry::order);
+  const bool was_named = lost != lost_entries_.end() && lost->order == order;
+  if (was_named) lost->kept_commit = layer.commit;
+  if (was_named || in_lost_page(layer.key)) unindexed_.push_back(chosen(layer, type));
+}
+
+std::string RecoverPlan::why_missing(std::uint64_t offset) const {
+  for (const Broken& b : salvage_.broken) {
+    if (offset >= b.offset && offset - b.offset < b.bytes) return b.why;
+  }
+  return offset >= file_.size() ? "the file ends before it" : "its block is not there";
+}
+
+void RecoverPlan::lose(std::uint64_t offset, std::string text, std::optional<PatchIndex> patch,
+                       std::string layer) {
+  ++report_.loss_count;
+  if (report_.losses.size() < options_.max_losses) {
+    report_.losses.push_back({std::move(text), offset, patch, std::move(layer)});
+  }
+}
+
+/// The newest footer states how many layers there were, and a hash over all of them.
+bool RecoverPlan::is_complete() const {
+  if (!footer_ || layers.size() != footer_->layers) return false;
+  ContentId id(header);
+  for (const Chosen& c : layers) id.add(c.info.patch, c.info.type, c.info.step, c.info.content_hash);
+  return id.value() == footer_->content_id;
+}
+
+void RecoverPlan::tell_losses() {
+  for (const LostEntry& entry : lost_entries_) {
+    const std::string& layer = header.types[entry.order.second].name;
+    std::string text = name_of(entry.patch, layer) + ": " + why_missing(entry.offset);
+    if (entry.kept_commit) text += "; its state of commit " + std::to_string(*entry.kept_commit) + " is kept";
+    lose(entry.offset, std::move(text), entry.patch, layer);
+  }
+  if (!is_complete()) tell_unlisted();
+}
+
+/// Layers that no index names, so that only their remains tell of them.
+void RecoverPlan::tell_unlisted() {
+  const bool has_index = root_ && root_commit_ == newest_;
+  if (has_index && lost_pages_.empty()) return;
+  for (const Broken& b : salvage_.broken) {
+    if (b.kind != Kind::kLayer || b.bytes == 0) continue;
+    if (has_index && !in_lost_page(b.key)) continue;
+    const PatchIndex patch = patch_of_key(b.key);
+    lose(b.offset,
+         "a layer of patch (" + std::to_string(patch.x) + "," + std::to_string(patch.y) + "): " + b.why,
+         patch);
+  }
+  for (const Broken& b : salvage_.broken) {
+    if (b.kind == Kind{}) lose(b.offset, std::to_string(b.bytes) + " bytes that hold no whole block");
+  }
+  if (has_index) {
+    lose(lost_pages_.front().offset, std::to_string(lost_pages_.size()) +
+                                         " pages of the index: layers that only they named may be lost too");
+  } else {
+    lose(file_.size(), "the index of commit " + std::to_string(newest_) +
+                           ": layers that only it named may be lost too, some may have been dropped by it");
+  }
+}
+
+}  // namespace apgm::format

@@ -1,0 +1,91 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "apgm/core/error.hpp"
+#include "apgm/format/recover.hpp"
+#include "index.hpp"
+#include "recover_scan.hpp"
+
+namespace apgm::format {
+
+/// A layer that goes into the recovered map.
+struct Chosen {
+  LayerInfo info;  ///< type in the table of the map; locator: offset in the file
+  std::uint64_t key = 0;
+  std::uint64_t commit = 0;
+};
+
+/// Chooses, of what is whole in a file, what belongs to the map.
+class RecoverPlan {
+ public:
+  RecoverPlan(const InputFile& file, Salvage& salvage, const RecoverOptions& options, RecoverReport& report)
+      : file_(file), salvage_(salvage), options_(options), report_(report) {}
+
+  /// Fills header and layers. @throws Error as Recovery
+  void make();
+  /// Says what is missing, once `layers` holds what decodes.
+  void tell_losses();
+  void lose(std::uint64_t offset, std::string text, std::optional<PatchIndex> patch = {},
+            std::string layer = {});
+  /// Content id that the newest footer states; empty: none is whole.
+  std::string stated_id() const;
+
+  MapHeader header;
+  std::vector<Chosen> layers;  ///< by (key, type)
+
+ private:
+  using Order = std::pair<std::uint64_t, std::uint16_t>;
+  struct LostEntry {
+    Order order;
+    PatchIndex patch;
+    std::uint64_t offset;
+    std::optional<std::uint64_t> kept_commit;  // an older state stands in
+  };
+  struct LostPage {
+    std::uint64_t offset, first_key, last_key, entries;
+  };
+
+  // recover_header.cpp: which header and index are those of the newest commit.
+  void find_newest();
+  bool find_root();
+  bool use_root(const FoundBlock& root, const FoundBlock* header_block, const MapHeader* given);
+  void use_header_alone();
+  const FoundBlock* named_header(const Footer& footer);
+  const FoundBlock* header_of(std::uint64_t commit) const;
+  const FoundBlock* newest_header(std::uint64_t up_to) const;
+  MapHeader read_header(const FoundBlock& block) const;
+  void took_header(const FoundBlock* block);
+
+  // recover_plan.cpp: the layers.
+  void read_tables();
+  std::optional<std::uint16_t> type_in_map(const FoundLayer& layer) const;
+  void take_index();
+  void take_entry(const IndexEntry& entry);
+  void take_unindexed();
+  void take_group(std::size_t from, std::size_t to);
+  void add_unindexed(const FoundLayer& layer, std::uint16_t type);
+  bool in_lost_page(std::uint64_t key) const;
+  std::string why_missing(std::uint64_t offset) const;
+  bool is_complete() const;
+  void tell_unlisted();
+
+  const InputFile& file_;
+  Salvage& salvage_;
+  const RecoverOptions& options_;
+  RecoverReport& report_;
+
+  std::optional<Footer> footer_;  // of the newest commit, if whole
+  std::uint64_t newest_ = 0;      // commit
+  std::optional<Root> root_;
+  std::uint64_t root_commit_ = 0;
+  std::vector<std::pair<std::uint64_t, TypeTable>> tables_;  // by commit, of the map headers that are whole
+  std::vector<Chosen> unindexed_;
+  std::vector<LostEntry> lost_entries_;
+  std::vector<LostPage> lost_pages_;
+};
+
+}  // namespace apgm::format

@@ -1,0 +1,195 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <regex>
+
+#include "big_map.hpp"
+#include "temp_dir.hpp"
+
+namespace apgm::test {
+namespace {
+
+using testing::AnyOf;
+using testing::HasSubstr;
+
+constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
+
+struct Measured {
+  int code = -1;
+  double peak_mib = 0;
+  std::string err;
+};
+
+/// Runs a program and measures the most memory it ever had.
+Measured measured(const std::vector<std::string>& line, const std::string& directory) {
+  const std::string errors = directory + "/stderr";
+  std::vector<char*> arguments;
+  for (const std::string& word : line) arguments.push_back(const_cast<char*>(word.c_str()));
+  arguments.push_back(nullptr);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    if (::chdir(directory.c_str()) != 0 || std::freopen(errors.c_str(), "w", stderr) == nullptr) ::_exit(127);
+    ::execv(arguments[0], arguments.data());
+    ::_exit(127);
+  }
+  int status = 0;
+  struct rusage usage {};
+  EXPECT_EQ(::wait4(child, &status, 0, &usage), child);
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status),
+          static_cast<double>(usage.ru_maxrss) / 1024, read_file(errors)};
+}
+
+struct HeavyCommand {
+  std::string name;
+  std::string verb;
+  std::vector<std::string> arguments;
+  /// The least budget can be told before the work starts; else it only shows on the way.
+  bool tells_least = true;
+  double most_mib = 0;  ///< of the least budget: a tenth of the map, unless said otherwise
+};
+std::ostream& operator<<(std::ostream& out, const HeavyCommand& command) { return out << command.name; }
+
+/// Maps that are ten times larger than what the tools are given. Made once.
+class MemoryTest : public testing::TestWithParam<HeavyCommand> {
+ protected:
+  static constexpr std::uint64_t kMapBytes = 640 * kMiB;
+
+  static void SetUpTestSuite() {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+    return;
+#endif
+    directory_ = new TempDir;
+    BigMap map;
+    map.value_bytes = kMapBytes;
+    map.write(*directory_ / "a.apgm");
+    map.pattern = 5;
+    map.write(*directory_ / "b.apgm");
+    map.datum_um = 1'000'000;  // 20 cells
+    map.write(*directory_ / "shifted.apgm");
+    map.datum_um = 10'001;  // between cells
+    map.value_bytes = 64 * kMiB;
+    map.write(*directory_ / "between.apgm");
+    map.datum_um = 0;
+    map.value_bytes = kMapBytes;
+    map.heights = true;
+    map.write(*directory_ / "two.apgm");
+    write_log(*directory_ / "run.log");
+    for (const std::string name : {"grid.tif", "grid.yaml", "grid.npz"}) {
+      const Measured run = measured({tool("convert"), "-q", "a.apgm", "-o", name}, directory_->path());
+      ASSERT_THAT(run.code, AnyOf(0, 3)) << run.err;
+    }
+    const Measured run = measured({tool("convert"), "-q", "--bbox", "0,0,50,50", "a.apgm", "-o", "grid.ot"},
+                                  directory_->path());
+    ASSERT_THAT(run.code, AnyOf(0, 3)) << run.err;
+  }
+  static void TearDownTestSuite() {
+    delete directory_;
+    directory_ = nullptr;
+  }
+
+  void SetUp() override {
+    if (directory_ == nullptr) GTEST_SKIP() << "the sanitizer needs memory of its own";
+  }
+
+  static std::string tool(const std::string& verb) { return std::string(APGM_BIN_DIR) + "/apgm-" + verb; }
+
+  /// A laser that drives far: its map is large.
+  static void write_log(const std::string& path) {
+    std::ofstream text(path);
+    for (int i = 0; i < 1200; ++i) {
+      text << "FLASER 61";
+      for (int beam = 0; beam <= 60; ++beam) text << ' ' << 4 + (beam * 7 + i) % 40 / 10.0;
+      text << ' ' << 2 * i << " 0 0 " << 2 * i << " 0 0 " << 100 + 0.1 * i << " host " << 0.1 * i << '\n';
+    }
+  }
+
+  static Measured run(const std::string& budget, const std::vector<std::string>& more = {}) {
+    const HeavyCommand& command = GetParam();
+    std::vector<std::string> line{tool(command.verb), "-O", "-q", "--max-memory", budget};
+    line.insert(line.end(), command.arguments.begin(), command.arguments.end());
+    line.insert(line.end(), more.begin(), more.end());
+    return measured(line, directory_->path());
+  }
+
+  /// The least budget as a refusal tells it, in MiB; 0 if it does not.
+  static int told(const Measured& run) {
+    static const std::regex size("pass --max-memory (?:with at least )?([0-9]+) ?MiB");
+    std::smatch match;
+    return std::regex_search(run.err, match, size) ? std::stoi(match[1]) : 0;
+  }
+
+  static inline TempDir* directory_ = nullptr;
+};
+
+// A budget that is too small is refused, with one that is enough; and what is allowed is never exceeded.
+TEST_P(MemoryTest, StaysWithinTheLeastBudget) {
+  const Measured refused = run("1M");
+  EXPECT_EQ(refused.code, 6) << refused.err;
+  EXPECT_THAT(refused.err, HasSubstr("--max-memory"));
+  if (!GetParam().tells_least) return;
+  int least = told(refused);
+  ASSERT_GT(least, 1) << refused.err;
+  // What the tool holds beside its work depends on how far it came: a second refusal may ask for more.
+  Measured done = run(std::to_string(least) + "MiB");
+  for (int again = 0; again < 3 && done.code == 6; ++again) {
+    least = told(done);
+    ASSERT_GT(least, 0) << done.err;
+    done = run(std::to_string(least) + "MiB");
+  }
+  EXPECT_THAT(done.code, AnyOf(0, 3)) << done.err;
+  EXPECT_LE(done.peak_mib, least) << "of the least budget";
+  const double most =
+      GetParam().most_mib > 0 ? GetParam().most_mib : static_cast<double>(kMapBytes / kMiB) / 10;
+  EXPECT_LE(least, most) << "to be had within a tenth of the map";
+  RecordProperty("least_mib", least);
+  std::printf("  %-22s least budget %3d MiB, peak %.1f MiB\n", GetParam().name.c_str(), least, done.peak_mib);
+}
+
+TEST_P(MemoryTest, StaysWithinMore) {
+  for (const int mebibytes : {96, 160}) {
+    const Measured done = run(std::to_string(mebibytes) + "MiB", {"-j", "2"});
+    EXPECT_THAT(done.code, AnyOf(0, 3, 6)) << done.err;
+    EXPECT_LE(done.peak_mib, mebibytes);
+  }
+}
+
+std::vector<HeavyCommand> heavy_commands() {
+  const auto with = [](std::vector<std::string> arguments, const std::string& output) {
+    arguments.insert(arguments.end(), {"-o", output});
+    return arguments;
+  };
+  return {
+      {"merge", "merge", with({"a.apgm", "b.apgm"}, "out.apgm")},
+      {"merge_types", "merge", with({"two.apgm", "a.apgm"}, "out.apgm")},
+      {"merge_shifted", "merge", with({"a.apgm", "shifted.apgm"}, "out.apgm")},
+      {"merge_regrid", "merge", with({"between.apgm", "a.apgm", "--regrid"}, "out.apgm")},
+      {"merge_hard_packed", "merge", with({"between.apgm", "--level", "19"}, "out.apgm")},
+      {"crop", "crop", with({"a.apgm", "--bbox", "10,10,300,300", "--snap", "cell"}, "out.apgm")},
+      {"resample", "resample", with({"a.apgm", "--step", "7"}, "out.apgm")},
+      {"resample_finer", "resample", with({"between.apgm", "--step", "9"}, "out.apgm")},
+      {"resample_regrid", "resample", with({"between.apgm", "--edge", "10"}, "out.apgm")},
+      {"render", "render", with({"a.apgm", "--scale", "0.8"}, "out.png")},
+      {"map", "map", with({"run.log", "--resolution", "0.05"}, "out.apgm"), true, 96},
+      {"recode", "convert", with({"a.apgm", "--level", "1"}, "out.apgm"), true, 96},
+      {"to_map_server", "convert", with({"a.apgm"}, "out.yaml"), true, 96},
+      {"to_png", "convert", with({"a.apgm", "--set", "image=png"}, "out.yaml"), true, 96},
+      {"to_geotiff", "convert", with({"a.apgm"}, "out.tif"), true, 96},
+      {"to_numpy", "convert", with({"a.apgm"}, "out.npz"), true, 96},
+      {"to_octomap", "convert", with({"a.apgm"}, "out.ot"), false},
+      {"from_geotiff", "convert", with({"grid.tif"}, "out.apgm"), true, 96},
+      {"from_map_server", "convert", with({"grid.yaml"}, "out.apgm"), true, 320},
+      {"from_numpy", "convert", with({"grid.npz"}, "out.apgm"), true, 800},
+      {"from_octomap", "convert", with({"grid.ot"}, "out.apgm"), true, 400},
+  };
+}
+
+INSTANTIATE_TEST_SUITE_P(Tools, MemoryTest, testing::ValuesIn(heavy_commands()),
+                         [](const auto& one) { return one.param.name; });
+
+}  // namespace
+}  // namespace apgm::test

@@ -1,0 +1,190 @@
+#include <fmt/format.h>
+
+#include <CLI/App.hpp>
+#include <filesystem>
+
+#include "apgm/format/archive.hpp"
+#include "apgm/format/reader.hpp"
+#include "apgm/ops/apply.hpp"
+#include "apgm/ops/changes_source.hpp"
+#include "apgm/ops/copy.hpp"
+#include "tools/common/archive_commands.hpp"
+#include "tools/common/exit_code.hpp"
+#include "tools/common/options.hpp"
+#include "tools/common/report.hpp"
+
+namespace apgm::tools {
+
+std::pair<int, std::string> archive_output_fails() {
+  return {kExitOutput,
+          "the output is not permitted, another process writes to the archive, or the disk is full"};
+}
+
+/// What follows the command's own word.
+std::vector<std::string> archive_operands(const std::vector<std::string>& inputs, const std::string& command,
+                                          const std::vector<std::string>& names, std::size_t required) {
+  std::vector<std::string> result(inputs.begin() + 1, inputs.end());
+  if (result.size() < required) {
+    throw usage_error(fmt::format("{} needs {}", command, names[result.size()]),
+                      fmt::format("apgm-archive {} {}", command, join(names, " ")));
+  }
+  if (result.size() > names.size()) {
+    throw usage_error(fmt::format("unexpected argument '{}'", result[names.size()]),
+                      fmt::format("apgm-archive {} {}", command, join(names, " ")));
+  }
+  check_inputs(result);
+  if (result[0] == "-" && command != "log" && command != "checkout") {
+    throw usage_error("an archive that is written to must be a file");
+  }
+  return result;
+}
+
+std::uint64_t parse_commit(const std::string& option, const std::string& text, std::int64_t least) {
+  return static_cast<std::uint64_t>(parse_integer(option, text, least, INT64_MAX, "commits count from 1"));
+}
+
+void check_tag(const std::string& what, const std::string& tag) {
+  if (is_tag_name(tag)) return;
+  throw usage_error(fmt::format("{}: '{}' cannot be a tag", what, tag),
+                    "a tag starts with a letter or '_', then letters, digits and '_.+-'; at most 64 bytes");
+}
+
+namespace {
+
+class CommitCommand final : public Tool {
+ public:
+  ToolInfo info() const override {
+    return {
+        .verb = "archive",
+        .summary = "commit: add a map to an archive",
+        .usage = "commit [OPTIONS] ARCHIVE MAP",
+        .details = {"Stores the layers of MAP that differ from the last commit in cells or stamp, shares the "
+                    "others. Makes the archive if there is none. Everything is on the disk when it ends; if "
+                    "it fails, or the power does, the archive is as it was.",
+                    "All commits of an archive have one frame: datum, patch edge, EPSG code, frame id."},
+        .examples = {{"apgm-archive commit site.apgm today.apgm -m 'after the roadworks' --stamp now",
+                      "a new state of a site"},
+                     {"apgm-archive commit --expect 7 site.apgm mine.apgm",
+                      "only if nobody committed since number 7"}},
+        .exit_codes = {
+            archive_output_fails(),
+            {kExitLimit, "a limit of the format or the budget is met"},
+            {kExitIncompatible, "the frame is another, ARCHIVE is a sealed map, or --expect fails"}}};
+  }
+
+  void add_options(CLI::App& app) override {
+    add_text(app, kArchiveGroup, "-m,--message", message_, "TEXT", "what the commit is");
+    add_list(app, kArchiveGroup, "--tag", commit_.tags, "NAME", "a name for the commit (repeatable)");
+    add_text(
+        app, kArchiveGroup, "--stamp", stamp_, "TIME",
+        "the time of the commit: 2026-01-31T12:00:00Z, @SECONDS since 1970, or now (default: that of MAP)");
+    add_text(app, kArchiveGroup, "--expect", expect_, "N",
+             "number the last commit must have; 0: the archive must be new");
+    add_text(app, kArchiveGroup, "--level", level_, "1..19",
+             "effort of the compression of layers that are not stored yet (default 3)");
+    add_switch(app, kArchiveGroup, "-n,--dry-run", dry_run_, "say what would be stored, write nothing");
+    heavy_.add(app);
+  }
+
+  void check(Session&, const std::vector<std::string>& inputs) override {
+    const auto names = archive_operands(inputs, "commit", {"ARCHIVE", "MAP"}, 2);
+    archive_ = names[0];
+    map_ = names[1];
+    if (map_ != "-" && same_file(archive_, map_)) throw usage_error("ARCHIVE and MAP are the same file");
+    for (const std::string& tag : commit_.tags) check_tag("--tag", tag);
+    commit_.message = message_.value_or("");
+    if (stamp_) stamp_ns_ = parse_time("--stamp", *stamp_);
+    if (expect_) options_.expected = parse_commit("--expect", *expect_, 0);
+    if (level_) options_.level = static_cast<int>(parse_integer("--level", *level_, 1, 19));
+    options_.create = true;
+    heavy_.check();
+    std::error_code error;
+    if (!std::filesystem::exists(archive_, error)) check_output_path(archive_, false, {map_});
+  }
+
+  void run(Session& session) override {
+    const Reader map(map_);
+    step_opened(session, map_, map);
+    if (holds_changes(map.header())) {
+      throw Error(ErrorCode::kIncompatible, fmt::format("'{}' holds changes, not a map", map_))
+          .hint("apply them first: apgm-merge --apply " + map_ + " BASE -o NEW")
+          .at(map_);
+    }
+    MapHeader header = map.header();
+    if (stamp_ns_) header.stamp_ns = *stamp_ns_;
+    session.result()["archive"] = archive_;
+    session.result()["input"] = {{"path", map_}, {"content_id", map.content_id()}};
+    session.result()["dry_run"] = dry_run_;
+    if (dry_run_) return dry_run(session, map);
+    ArchiveWriter writer(archive_, options_);
+    if (writer.last() == nullptr) {
+      writer.begin(header, {}, commit_);
+      put(session, map, header, writer);
+    } else {
+      const ChangesSource changes(*writer.last(), map, session.run_options(heavy_, "comparing"));
+      writer.begin(header, changes.gone(), commit_);
+      put(session, changes, header, writer);
+    }
+    report(session, writer.report());
+  }
+
+ private:
+  void put(Session& session, const PatchSource& source, const MapHeader& header, ArchiveWriter& writer) {
+    session.check_cancelled();
+    copy(source, header.types, writer, false, session.run_options(heavy_, "committing"));
+    session.check_cancelled();
+    writer.finish();
+  }
+
+  void dry_run(Session& session, const Reader& map) {
+    std::error_code error;
+    std::uint64_t last = 0, layers = 0, gone = 0;
+    const auto count = [](const PatchSource& source) {
+      std::uint64_t n = 0;
+      for (const Summary::OfType& type : source.summary().types) n += type.layers;
+      return n;
+    };
+    if (std::filesystem::exists(archive_, error)) {
+      const Reader archive(archive_);
+      last = archive.file().commits;
+      const ChangesSource changes(archive, map, session.run_options(heavy_, "comparing"));
+      layers = count(changes);
+      gone = changes.gone().size();
+    } else {
+      layers = count(map);
+    }
+    session.result()["commit"] = last + 1;
+    session.result()["layers_written"] = layers;
+    session.result()["layers_gone"] = gone;
+    session.done(fmt::format("dry run: commit {} would store {}, {} gone", last + 1,
+                             plural(layers, "layer", "layers"), gone));
+  }
+
+  void report(Session& session, const CommitReport& report) const {
+    Json& result = session.result();
+    result["commit"] = report.number;
+    result["content_id"] = report.content_id;
+    result["bytes"] = report.file_bytes;
+    result["added_bytes"] = report.added_bytes;
+    result["patches"] = report.patches;
+    result["layers"] = report.layers;
+    result["layers_written"] = report.layers_written;
+    session.done(fmt::format("commit {} of '{}': {} of {} stored, {} added", report.number, archive_,
+                             report.layers_written, plural(report.layers, "layer", "layers"),
+                             size_text(report.added_bytes)));
+  }
+
+  std::string archive_, map_;
+  std::optional<std::string> message_, stamp_, expect_, level_;
+  std::optional<std::int64_t> stamp_ns_;
+  bool dry_run_ = false;
+  ArchiveOptions options_;
+  CommitOptions commit_;
+  HeavyOptions heavy_;
+};
+
+}  // namespace
+
+std::unique_ptr<Tool> archive_commit_command() { return std::make_unique<CommitCommand>(); }
+
+}  // namespace apgm::tools

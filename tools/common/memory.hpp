@@ -1,0 +1,17 @@
+#pragma once
+
+#include <cstdint>
+
+namespace apgm::tools {
+
+/// Memory of the process now, and the most it ever had, as the system counts it: pages that are present.
+std::uint64_t resident_bytes();
+std::uint64_t peak_memory_bytes();
+
+/// From here on large blocks have pages of their own, which go back to the system when they are freed. For
+/// runs with a bound of memory: a bound holds for what the process has, not for what it uses.
+void give_large_blocks_pages_of_their_own();
+/// Gives free memory back to the system.
+void give_back_free_memory();
+
+}  // namespace apgm::tools
