@@ -2,40 +2,19 @@
 //
 //   04_map_live OUTPUT.apgm      (the crop round the robot at the end)
 
-#include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdio>
-#include <limits>
 #include <vector>
 
-#include "apgm/core/portable_math.hpp"
 #include "apgm/format/message.hpp"
 #include "apgm/format/writer.hpp"
 #include "apgm/observe/mapper.hpp"
 #include "apgm/ops/crop.hpp"
+#include "support/hall.hpp"
 
 namespace {
 
-/// What a laser on the robot measures in a hall of 60 m x 20 m, all round in steps of half a degree.
-apgm::LaserScan scan_of_the_hall(apgm::Point robot, std::int64_t stamp_ns) {
-  constexpr double kPi = 3.141592653589793;
-  apgm::LaserScan scan;
-  scan.stamp_ns = stamp_ns;
-  scan.pose = apgm::Pose::planar(robot.x_m, robot.y_m, 0);
-  scan.angle_min_rad = -kPi;
-  scan.angle_step_rad = kPi / 360;
-  scan.max_range_m = 30;
-  for (int i = 0; i < 720; ++i) {
-    const double angle = scan.angle_min_rad + i * scan.angle_step_rad;
-    const double x = apgm::portable::cos(angle);
-    const double y = apgm::portable::sin(angle);
-    const double to_x = x == 0 ? std::numeric_limits<double>::infinity() : ((x > 0 ? 60 : 0) - robot.x_m) / x;
-    const double to_y = y == 0 ? std::numeric_limits<double>::infinity() : ((y > 0 ? 20 : 0) - robot.y_m) / y;
-    scan.ranges_m.push_back(static_cast<float>(std::min({to_x, to_y, scan.max_range_m})));
-  }
-  return scan;
-}
+constexpr double kPi = 3.141592653589793;
 
 /// True if both maps have the same layers with the same bits in every cell.
 bool same(const apgm::Map& a, const apgm::Map& b) {
@@ -78,7 +57,8 @@ requirements:
       robot = {10.0 + step, 9.0};
       const std::int64_t stamp_ns = step * 1'000'000'000LL;
       mapper.move_to(robot, stamp_ns);
-      mapper.add(apgm::to_range_scan(scan_of_the_hall(robot, stamp_ns), models.limits, skipped));
+      const apgm::LaserScan scan = apgm::samples::scan_of_the_hall(robot, stamp_ns, -kPi, 720);  // all round
+      mapper.add(apgm::to_range_scan(scan, models.limits, skipped));
 
       const std::vector<std::byte> message = apgm::to_bytes(mapper.take_changes());
       sent_bytes += message.size();

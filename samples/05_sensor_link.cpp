@@ -6,27 +6,24 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
-#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <system_error>
 #include <thread>
 #include <vector>
 
-#include "apgm/core/portable_math.hpp"
 #include "apgm/format/content_id.hpp"
 #include "apgm/format/stream.hpp"
 #include "apgm/format/writer.hpp"
 #include "apgm/fuse/map_fuser.hpp"
 #include "apgm/observe/mapper.hpp"
 #include "apgm/ops/copy.hpp"
+#include "support/hall.hpp"
 #include "support/link.hpp"
 
 namespace {
@@ -35,25 +32,11 @@ constexpr int kModules = 2;
 constexpr int kSteps = 12;
 constexpr std::uint32_t kMtuBytes = 1400;
 
-/// A laser that looks ahead (module 0) or back (1), on a robot that drives through a hall of 60 m x 20 m.
-apgm::LaserScan scan_of_the_hall(int module, int step) {
+/// A laser that looks ahead (module 0) or back (1), on a robot that drives through a hall.
+apgm::LaserScan scan_of(int module, int step) {
   constexpr double kPi = 3.141592653589793;
-  const apgm::Point robot{10.0 + 3 * step, 9.0};
-  apgm::LaserScan scan;
-  scan.stamp_ns = step * 1'000'000'000LL;
-  scan.pose = apgm::Pose::planar(robot.x_m, robot.y_m, 0);
-  scan.angle_min_rad = (module == 0 ? -0.6 : 0.4) * kPi;  // both see the sides
-  scan.angle_step_rad = kPi / 360;
-  scan.max_range_m = 30;
-  for (int i = 0; i < 432; ++i) {
-    const double angle = scan.angle_min_rad + i * scan.angle_step_rad;
-    const double x = apgm::portable::cos(angle);
-    const double y = apgm::portable::sin(angle);
-    const double to_x = x == 0 ? std::numeric_limits<double>::infinity() : ((x > 0 ? 60 : 0) - robot.x_m) / x;
-    const double to_y = y == 0 ? std::numeric_limits<double>::infinity() : ((y > 0 ? 20 : 0) - robot.y_m) / y;
-    scan.ranges_m.push_back(static_cast<float>(std::min({to_x, to_y, scan.max_range_m})));
-  }
-  return scan;
+  return apgm::samples::scan_of_the_hall({10.0 + 3 * step, 9.0}, step * 1'000'000'000LL,
+                                         (module == 0 ? -0.6 : 0.4) * kPi, 432);  // both see the sides
 }
 
 /// The map of one module as it drives.
@@ -62,7 +45,7 @@ class Module {
   explicit Module(int number) : number_(number), mapper_(apgm::Frame{}, models_) {}
   void drive(int step) {
     apgm::Skipped skipped;
-    mapper_.add(apgm::to_range_scan(scan_of_the_hall(number_, step), models_.limits, skipped));
+    mapper_.add(apgm::to_range_scan(scan_of(number_, step), models_.limits, skipped));
   }
   apgm::Mapper& mapper() { return mapper_; }
 

@@ -197,6 +197,7 @@ class CompactCommand final : public Tool {
     options_.cancelled = [&] { return cancel_flag().load(); };
     session.check_cancelled();
     const CompactReport report = compact_archive(archive_, options_);
+    warn_of_cut(session, archive_, report.torn);
     const std::string& output = options_.output.empty() ? archive_ : options_.output;
     Json& result = session.result();
     result["archive"] = archive_;
@@ -246,12 +247,15 @@ class TagCommand final : public Tool {
   void run(Session& session) override {
     session.result()["archive"] = archive_;
     session.result()["tag"] = name_;
+    TornEnd torn;
     if (delete_) {
-      remove_tag(archive_, name_);
+      remove_tag(archive_, name_, &torn);
+      warn_of_cut(session, archive_, torn);
       session.result()["commit"] = Json();
       return session.done(fmt::format("no commit of '{}' is '{}' any more", archive_, name_));
     }
-    const std::uint64_t number = tag_commit(archive_, name_, number_);
+    const std::uint64_t number = tag_commit(archive_, name_, number_, &torn);
+    warn_of_cut(session, archive_, torn);
     session.result()["commit"] = number;
     session.done(fmt::format("commit {} of '{}' is '{}'", number, archive_, name_));
   }
@@ -286,6 +290,10 @@ class Overview final : public Tool {
   void add_options(CLI::App&) override {}
   void check(Session&, const std::vector<std::string>& inputs) override {
     check_inputs(inputs);
+    if (std::ranges::find(kCommands, inputs[0]) != kCommands.end()) {
+      throw usage_error(fmt::format("the command '{}' must stand first", inputs[0]),
+                        fmt::format("apgm-archive {} [OPTIONS] ...", inputs[0]));
+    }
     throw usage_error(
         fmt::format("unknown command '{}'", inputs[0]),
         did_you_mean(inputs[0], kCommands, "the command stands first: " + join(kCommands, ", ")));
@@ -302,13 +310,8 @@ std::unique_ptr<Tool> tool_for(const std::string& command) {
   return std::make_unique<Overview>();
 }
 
-/// The first argument that is no option.
-std::string command_of(int argc, char** argv) {
-  for (int i = 1; i < argc; ++i) {
-    if (argv[i][0] != '-') return argv[i];
-  }
-  return {};
-}
+/// The first argument: behind options it might be the value of one.
+std::string command_of(int argc, char** argv) { return argc > 1 ? argv[1] : ""; }
 
 }  // namespace
 }  // namespace apgm::tools

@@ -67,7 +67,7 @@ class CompareTool final : public Tool {
                       "a drive, with table and picture"}},
         .exit_codes = {{kExitOutput, "an output exists, is not permitted, or the disk is full"},
                        {kExitLimit, "the map or a layout is too large"},
-                       {kExitIncompatible, "the poses do not fit the clouds"}}};
+                       {kExitIncompatible, "the map is empty, or the poses do not fit the clouds"}}};
   }
 
   void add_options(CLI::App& app) override {
@@ -178,8 +178,9 @@ class CompareTool final : public Tool {
           .hint(budget == 0 ? "cut a part out with apgm-crop" : "raise --max-memory, or use apgm-crop");
     }
     if (source.summary().patches == 0) {
-      throw Error(ErrorCode::kInvalidArgument,
-                  fmt::format("'{}' holds no patches to compare", inputs_.front()));
+      throw Error(ErrorCode::kIncompatible, fmt::format("'{}' holds no patches to compare", inputs_.front()))
+          .hint("'apgm-info' tells what is in a map")
+          .at(inputs_.front());
     }
     step_opened(session, inputs_.front(), source);
     Map map(source.header());

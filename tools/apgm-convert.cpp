@@ -6,6 +6,7 @@
 
 #include "apgm/format/reader.hpp"
 #include "apgm/format/writer.hpp"
+#include "apgm/ops/apply.hpp"
 #include "apgm/ops/copy.hpp"
 #include "tools/common/app.hpp"
 #include "tools/common/exit_code.hpp"
@@ -104,6 +105,7 @@ class ConvertTool final : public Tool {
     }
     check_streams();
     check_values();
+    if (writer_ == nullptr) warn_of_extension(session, output_.path, stream_.on ? kStreamExtension : ".apgm");
     if (writer_ != nullptr && !writing_.given().empty()) {
       throw usage_error(
           fmt::format("{} is for .apgm outputs, not for {}", writing_.given(), writer_->name()));
@@ -237,7 +239,7 @@ class ConvertTool final : public Tool {
     }
     if (salvage_ && !from_stream_) {
       throw usage_error(fmt::format("--salvage is for streams, and '{}' is none", input_),
-                        "'apgm crop --salvage' keeps the whole layers of a damaged map");
+                        "'apgm-crop --salvage' keeps the whole layers of a damaged map");
     }
     std::set<std::string> keys = keys_of(reader_, true);
     keys.merge(keys_of(writer_, false));
@@ -291,10 +293,20 @@ class ConvertTool final : public Tool {
     return {"convert", {id.empty() ? format_name(reader_) : id}, parameters_text(parameters)};
   }
 
+  /// Of what is written. What does not hold all of a delta, to the bit, is none.
+  MapHeader header_of(Session& session, const PatchSource& source, const PatchSource& part) const {
+    MapHeader header = part.header();
+    if (filter_.any() || writing_.lossy != Lossy::kNone) {
+      warn_of_delta(session, input_, header);
+      drop_changes(header);
+    }
+    writing_.apply(header, step(source));
+    return header;
+  }
+
   void write_map(Session& session, const PatchSource& source, const PatchSource& part,
                  const RunOptions& run) {
-    MapHeader header = part.header();
-    writing_.apply(header, step(source));
+    const MapHeader header = header_of(session, source, part);
     Writer writer(output_.path, header, writing_.options(output_));
     const CopyReport report = copy(part, header.types, writer, writing_.reencode(), run);
     session.check_cancelled();
@@ -306,8 +318,7 @@ class ConvertTool final : public Tool {
 
   void write_stream(Session& session, const PatchSource& source, const PatchSource& part,
                     const RunOptions& run) {
-    MapHeader header = part.header();
-    writing_.apply(header, step(source));
+    const MapHeader header = header_of(session, source, part);
     StreamFile file(output_, header, stream_.options(writing_));
     copy(part, header.types, file.writer(), writing_.reencode(), run);
     session.check_cancelled();

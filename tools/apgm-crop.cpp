@@ -80,6 +80,7 @@ class CropTool final : public Tool {
     if (polygon_) region_.polygon = read_geojson(*polygon_);
     const Reader source(input_);
     step_opened(session, input_, source);
+    warn_of_delta(session, input_, source.header());
     std::optional<Reader> like;
     if (like_) {
       region_.like = &like.emplace(*like_);

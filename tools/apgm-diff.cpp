@@ -233,6 +233,11 @@ class DiffTool final : public Tool {
                               report.different ? "different" : "equal", to_string(options_.level),
                               belief ? ", tolerance " + number_text(options_.tolerance) : ""));
     session.print(diff_text(report, options_.level, top_));
+    const auto patches =
+        report.patches_added + report.patches_removed + report.patches_changed + report.patches_equal;
+    if (options_.box && patches == 0) {
+      session.warning(fmt::format("nothing of '{}' and '{}' lies in --bbox", inputs_[0], inputs_[1]));
+    }
     if (report.different) session.answer_no();
   }
 

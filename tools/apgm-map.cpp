@@ -3,7 +3,6 @@
 #include <CLI/App.hpp>
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <limits>
 
 #include "apgm/core/budget.hpp"
@@ -145,7 +144,7 @@ class MapTool final : public Tool {
     if (stats_) check_second_output("--stats", *stats_, output_, read);
     check_models();
     check_resolution(session);
-    check_memory();
+    check_memory(session);
   }
 
   void run(Session& session) override {
@@ -161,7 +160,7 @@ class MapTool final : public Tool {
     MapHeader header;
     header.frame = frame_;
     ScratchMap scratch(header, scratch_directory(output_.path), writing_.level);
-    check_work_memory(session);
+    check_memory(session);
     const Tally tally = map_scans(session, *scans, stats ? &*stats : nullptr, scratch);
     write(session, *scans, tally, stats ? &*stats : nullptr, scratch);
   }
@@ -251,36 +250,25 @@ class MapTool final : public Tool {
     return most;
   }
 
-  /// What is known to be too much for --max-memory before a scan is read; the rest shows on the way.
-  void check_memory() const {
-    const std::uint64_t budget = heavy_.max_memory_bytes;
-    if (budget == 0) return;
+  /// What is known to be too much for --max-memory, beside what the process holds already; before a scan is
+  /// read, and again when the work starts. The rest shows on the way.
+  void check_memory(Session& session) const {
+    const std::uint64_t left = session.memory_left(heavy_);
+    if (left == 0) return;
     const auto [layer_bytes, required_bytes] = required();
     const std::uint64_t writing = least_copy_memory({&layer_bytes, 1});
-    if (budget < writing) {
-      fail_memory("does not hold what it takes to write one layer", static_cast<double>(writing));
+    const std::uint64_t scan = kLeastScanLayers * layer_bytes;
+    const double profile = required_bytes * kLayerShare;
+    // The whole need at once, so that the budget it names is enough.
+    const auto least = std::max({writing, scan, static_cast<std::uint64_t>(std::min(profile, 0x1p62))});
+    const std::string other = "take larger cells";
+    if (left < writing) {
+      throw over_budget("--max-memory does not hold what it takes to write one layer", least, other);
     }
-    if (static_cast<double>(budget / kLayerShare) < required_bytes) {
-      fail_memory("does not hold the layers that the profile asks for", required_bytes * kLayerShare);
+    if (static_cast<double>(left) < profile) {
+      throw over_budget("--max-memory does not hold the layers that the profile asks for", least, other);
     }
-  }
-
-  /// What one scan takes, and then the writing of a layer, beside what the process holds already.
-  void check_work_memory(Session& session) const {
-    const std::uint64_t left = session.memory_left(heavy_);
-    const std::uint64_t layer_bytes = required().layer_bytes;
-    const std::uint64_t least =
-        std::max(least_copy_memory({&layer_bytes, 1}), kLeastScanLayers * layer_bytes);
-    if (left != 0 && left < least) {
-      throw over_budget("the memory budget does not hold one scan at work", least, "take larger cells");
-    }
-  }
-
-  [[noreturn]] static void fail_memory(const std::string& what, double least_bytes) {
-    constexpr double kMebibyte = 1 << 20;
-    throw Error(ErrorCode::kLimit, "--max-memory " + what)
-        .hint(
-            fmt::format("allow at least {:.0f}M, or take larger cells", std::ceil(least_bytes / kMebibyte)));
+    if (left < scan) throw over_budget("--max-memory does not hold one scan at work", least, other);
   }
 
   MapperOptions mapper_options(Session& session) const {

@@ -155,6 +155,7 @@ class ResampleTool final : public Tool {
   void run(Session& session) override {
     const Reader source(input_);
     step_opened(session, input_, source);
+    warn_of_delta(session, input_, source.header());
     if (profile_) apply_profile(session, source.header());
     options_.max_memory_bytes = session.memory_left(heavy_);
     const ResamplePlan plan(source, options_);

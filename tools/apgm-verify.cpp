@@ -167,10 +167,8 @@ class VerifyTool final : public Tool {
   Recovery open(const RecoverOptions& options) const {
     try {
       return Recovery(input_, options);
-    } catch (Error& e) {
-      if (e.code() == ErrorCode::kDamaged && e.message().find("no map header") != std::string::npos) {
-        e.hint("pass --header-from with another map that has the same frame and layer types");
-      }
+    } catch (HeaderLost& e) {
+      e.hint("pass --header-from with another map that has the same frame and layer types");
       throw;
     }
   }
@@ -180,6 +178,7 @@ class VerifyTool final : public Tool {
     session.result()["index"] = report.index;
     session.result()["repaired_blocks"] = report.repaired;
     session.result()["uncommitted_bytes"] = report.uncommitted_bytes;
+    session.result()["uncommitted_layers"] = report.uncommitted_layers;
     session.result()["loss_count"] = report.loss_count;
     session.result()["lost"] = list_json(report.losses);
     if (report.repaired > 0) {

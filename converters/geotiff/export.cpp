@@ -275,7 +275,9 @@ void check_memory(const PatchSource& source, const std::vector<TypeId>& chosen, 
   };
   constexpr std::uint64_t kTileCopies = 4;  // as cut out, in the cache, predicted and compressed
   constexpr std::uint64_t kListBytes = 48;  // of a tile: place and size, as read and as written
-  const std::uint64_t fixed = unit * unit * bands * sizeof(float) +
+  constexpr std::uint64_t kGdalBytes = std::uint64_t{4}
+                                       << 20;  // what it sets up at its first file: some 3 MiB seen
+  const std::uint64_t fixed = kGdalBytes + unit * unit * bands * sizeof(float) +
                               kTileCopies * tile * tile * sizeof(float) +
                               tiles(grid.width) * tiles(grid.height) * bands * kListBytes +
                               static_cast<std::uint64_t>(grid.width / grid.unit + 1) * sizeof(LayerInfo) * 2 +

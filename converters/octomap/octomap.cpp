@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 
+#include "apgm/core/budget.hpp"
 #include "converters/common/file.hpp"
 #include "converters/octomap/export.hpp"
 #include "converters/octomap/octree_source.hpp"
@@ -22,6 +23,21 @@ KeyRange heights_of(const SettingsReader& settings, double resolution_m) {
   const auto z_min = settings.number("z_min"), z_max = settings.number("z_max");
   if (z_min && z_max && *z_min >= *z_max) settings.refuse("z_min", "is not below z_max");
   return {z_min ? first_at(*z_min) : 0, z_max ? first_at(*z_max) : static_cast<int>(kEnd)};
+}
+
+/// Calls `action`, which works beside `used` bytes: a budget that its refusal names holds them too.
+template <class Action>
+auto counting(std::uint64_t used, Action action) {
+  try {
+    return action();
+  } catch (const Error& error) {
+    const auto hint = budget_hint(error);
+    if (!hint) throw;
+    constexpr std::string_view kOr = ", or ";
+    const bool more = hint->rest.starts_with(kOr);
+    throw over_budget(error.message(), used + (hint->least_mebibytes << 20),
+                      std::string(more ? hint->rest.substr(kOr.size()) : ""));
+  }
 }
 
 class OctomapConverter final : public Converter {
@@ -75,14 +91,16 @@ class OctomapConverter final : public Converter {
     const auto mode = settings.choice("mode", kModes).value_or("projection");
     return naming(request.path, [&] {
       auto tree = read_octree(request.path, request.max_memory_bytes);
-      const std::uint64_t left = budget_left(
-          request.max_memory_bytes, octree_memory(tree->size(), tree->size() - tree->getNumLeafNodes()));
+      const std::uint64_t used = octree_memory(tree->size(), tree->size() - tree->getNumLeafNodes());
+      const std::uint64_t left = budget_left(request.max_memory_bytes, used);
       const ForeignGrid grid{tree->getResolution(), {}, 0};
       const GridFit fit = fit_grid(grid, settings, request.findings);
-      auto native = std::make_unique<OctreeSource>(
-          std::move(tree), fit, mode == "slices" ? OctreeMode::kSlices : OctreeMode::kProjection,
-          heights_of(settings, grid.cell_m), request.findings, left);
-      return place(std::move(native), grid, fit, request.findings, left);
+      return counting(used, [&] {
+        auto native = std::make_unique<OctreeSource>(
+            std::move(tree), fit, mode == "slices" ? OctreeMode::kSlices : OctreeMode::kProjection,
+            heights_of(settings, grid.cell_m), request.findings, left);
+        return place(std::move(native), grid, fit, request.findings, left);
+      });
     });
   }
 

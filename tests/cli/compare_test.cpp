@@ -271,7 +271,7 @@ TEST_F(CompareCliTest, RefusesWhatDoesNotFitTogether) {
 
 TEST_F(CompareCliTest, AnEmptyMapHasNothingToCompare) {
   write("a.apgm", empty_map());
-  expect_failure(compare({"a.apgm"}), 2, "'a.apgm' holds no patches to compare");
+  expect_failure(compare({"a.apgm"}), 7, "'a.apgm' holds no patches to compare", "apgm-info");
 }
 
 }  // namespace

@@ -1,3 +1,4 @@
+#include "apgm/format/stream.hpp"
 #include "cli_test.hpp"
 #include "edited_map.hpp"
 
@@ -255,6 +256,51 @@ TEST_F(DeltaCliTest, AStreamThatIsNotWholeOrNoDeltaIsRefused) {
   EXPECT_FALSE(exists("out.apgm"));
 }
 
+TEST_F(DeltaCliTest, AStreamThatNamesNoResultIsRefused) {
+  write_random("a.apgm", 1);
+  std::string stream;
+  StreamWriter writer(
+      [&](std::span<const std::byte> block) {
+        stream.append(reinterpret_cast<const char*>(block.data()), block.size());
+      },
+      random_map(1).header());
+  writer.end({.base = id("a.apgm"), .result = ""});
+  put("open.apgms", stream);
+  expect_failure(apply({"open.apgms", "a.apgm"}), 4, "'open.apgms' does not say which map it leads to");
+  EXPECT_FALSE(exists("out.apgm"));
+}
+
+TEST_F(DeltaCliTest, WhatDoesNotLeadToItsResultIsNoDelta) {
+  write_delta();
+  MapHeader header = random_map(1).header();
+  header.metadata["apgm.base"] = id("a.apgm");
+  header.metadata["apgm.result"] = id("b.apgm");
+  write("x.apgm", Map(header));
+  expect_failure(apply({"x.apgm", "a.apgm"}), 4, "'x.apgm' is not the delta it says it is", "apgm-verify");
+}
+
+TEST_F(DeltaCliTest, PartsOfItAreNoDeltas) {
+  write_delta();
+  const std::vector<std::pair<std::string, std::vector<std::string>>> calls{
+      {"crop", {"--bbox", "0,0,1000,1000"}},
+      {"resample", {"--step", "2"}},
+      {"convert", {"--layer", "occupancy"}},
+      {"convert", {"--lossy", "u8"}}};
+  for (const auto& [verb, options] : calls) {
+    SCOPED_TRACE(verb + " " + options[0]);
+    std::vector<std::string> arguments{"ab.apgm", "-O", "-o", "part.apgm"};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    const Outcome outcome = tool(verb, arguments);
+    EXPECT_TRUE(outcome.code == 0 || outcome.code == 3) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr("warning: 'ab.apgm' is a delta"));
+    const Json metadata = info("part.apgm")["map"]["metadata"];
+    for (const char* key : {"apgm.base", "apgm.result", "apgm.gone"}) EXPECT_FALSE(metadata.contains(key));
+    expect_failure(apply({"part.apgm", "a.apgm"}), 4, "'part.apgm' is not a delta");
+  }
+  expect_silent(tool("convert", {"ab.apgm", "--level", "9", "-o", "packed.apgm"}));
+  expect_silent(apply({"packed.apgm", "a.apgm"}));
+}
+
 TEST_F(DeltaCliTest, MergedAsAMapGivesAWarning) {
   write_delta();
   const Outcome outcome = tool("merge", {"ab.apgm", "a.apgm", "-o", "out.apgm"});
@@ -323,6 +369,7 @@ TEST_F(BlameCliTest, GoesWithNoOtherQuestion) {
   expect_failure(tool("diff", {"--blame", "1,1", "--delta", "d.apgm", "all.apgm"}), 2, "--delta does not go");
   expect_failure(tool("diff", {"--blame", "1", "all.apgm"}), 2, "--blame");
   expect_failure(tool("diff", {"--blame", "1,1"}), 2, "no input");
+  expect_failure(tool("diff", {"--blame", "1,1", "all.apgm"}), 2, "one map is given", "MERGED INPUT");
 }
 
 TEST_F(BlameCliTest, HistoryIsReadable) {

@@ -53,6 +53,13 @@ TEST_F(DiffCliTest, DifferentMapsEndWithOneAndSilence) {
   EXPECT_THAT(outcome.out, HasSubstr("5.12 m2  12.8,3.2,16,6.4\n"));
 }
 
+TEST_F(DiffCliTest, ABoxOutsideOfBothMapsGivesAWarning) {
+  write_pair();
+  const Outcome outcome = diff({"a.apgm", "b.apgm", "--bbox", "5000,5000,5001,5001"});
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_THAT(outcome.err, HasSubstr("warning: nothing of 'a.apgm' and 'b.apgm' lies in --bbox"));
+}
+
 TEST_F(DiffCliTest, DocumentHasEveryFigure) {
   write_pair();
   const Json doc = diff_json({"a.apgm", "b.apgm", "--top", "2"}, 1);
@@ -137,8 +144,11 @@ TEST_F(DiffCliTest, Filters) {
   const Json doc = diff_json({"--layer", "height", "a.apgm", "b.apgm"}, 1);
   ASSERT_EQ(doc["layers"].size(), 1u);
   EXPECT_TRUE(doc["layers"][0].contains("channels"));
-  const Json far = diff_json({"--bbox", "1000,1000,1001,1001", "a.apgm", "b.apgm"}, 0);
-  EXPECT_EQ(far["patches"], (Json{{"added", 0}, {"removed", 0}, {"changed", 0}, {"equal", 0}}));
+  const Outcome far = diff({"--bbox", "1000,1000,1001,1001", "a.apgm", "b.apgm", "--json"});
+  EXPECT_EQ(far.code, 0);
+  EXPECT_THAT(far.err, HasSubstr("warning: nothing of 'a.apgm' and 'b.apgm' lies in --bbox"));
+  EXPECT_EQ(Json::parse(far.out)["patches"],
+            (Json{{"added", 0}, {"removed", 0}, {"changed", 0}, {"equal", 0}}));
   expect_failure(diff({"--layer", "hight", "a.apgm", "b.apgm"}), 2,
                  "neither 'a.apgm' nor 'b.apgm' has a layer 'hight'", "their layers: ");
 }

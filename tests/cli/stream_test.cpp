@@ -58,6 +58,24 @@ TEST_F(StreamCliTest, TheExtensionAsksForAStream) {
   EXPECT_GT(bytes("u.apgms").size(), bytes("s.apgms").size());
 }
 
+TEST_F(StreamCliTest, AnotherExtensionGivesAWarning) {
+  for (const char* name : {"s.bt", "s.apgm"}) {
+    EXPECT_THAT(convert({"a.apgm", "--stream", "-o", name}).err,
+                HasSubstr("warning: '" + std::string(name) + "' gets .apgms content"));
+  }
+  EXPECT_THAT(convert({"a.apgm", "--to", "apgm", "-o", "m.apgms"}).err,
+              HasSubstr("warning: 'm.apgms' gets .apgm content"));
+}
+
+TEST_F(StreamCliTest, BlocksThatCameAgainAreToldWhenAsked) {
+  make_stream("s.apgms");
+  const std::string whole = bytes("s.apgms");
+  put("twice.apgms", whole + whole.substr(whole.size() - 128));  // its End
+  expect_silent(convert({"twice.apgms", "-o", "b.apgm"}));
+  EXPECT_EQ(id_of("b.apgm"), id_);
+  EXPECT_THAT(convert({"-v", "twice.apgms", "-O", "-o", "b.apgm"}).err, HasSubstr("1 block came again"));
+}
+
 TEST_F(StreamCliTest, StreamsBecomeOtherFormatsToo) {
   make_stream("s.apgms");
   EXPECT_EQ(convert({"s.apgms", "--layer", "occupancy", "-o", "m.yaml"}).code,

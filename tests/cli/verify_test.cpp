@@ -99,6 +99,31 @@ TEST_F(VerifyCliTest, HeaderFromAnotherMap) {
   EXPECT_EQ(info("out.apgm")["map"]["patches"], 6);
 }
 
+TEST_F(VerifyCliTest, ABudgetThatHoldsNoLayerIsALimit) {
+  Map map = plain_map(1, 1);
+  map.layer({7, 7}, 0, 10).plane(0)[5] = 0.125f;
+  write("large.apgm", map);
+  expect_failure(tool("verify", {"--deep", "--max-memory", "16M", "large.apgm"}), 6,
+                 "does not hold the largest layer while it is decoded", "with at least ");
+  EXPECT_EQ(tool("verify", {"--deep", "--max-memory", "64M", "large.apgm"}).code, 0);
+}
+
+TEST_F(VerifyCliTest, ACommitWithoutItsFooterIsALoss) {
+  for (const char* message : {"one", "two"}) {
+    EXPECT_EQ(tool("archive", {"commit", "arch.apgm", "a.apgm", "-m", message}).code, 0);
+    write("a.apgm", plain_map(4, 2));
+  }
+  std::string torn = bytes("arch.apgm");
+  put("torn.apgm", torn.replace(torn.size() - 256, 256, 256, '\0'));
+  EXPECT_EQ(tool("verify", {"torn.apgm"}).code, 1);
+  const Outcome outcome = tool("verify", {"--recover", "--json", "torn.apgm", "-o", "out.apgm"});
+  EXPECT_EQ(outcome.code, 3);
+  EXPECT_THAT(outcome.err, HasSubstr("lost: a commit that was not finished, 2 layers, is left out"));
+  const Json document = Json::parse(outcome.out);
+  EXPECT_EQ(document["uncommitted_layers"], 2);
+  EXPECT_EQ(document["layers"], 6);
+}
+
 TEST_F(VerifyCliTest, OptionsThatDoNotFit) {
   expect_failure(tool("verify", {"a.apgm", "-o", "b.apgm"}), 2, "nothing is written without --recover");
   expect_failure(tool("verify", {"a.apgm", "--recover"}), 2, "no output is given");

@@ -5,7 +5,7 @@ set -eu
 bin=$1
 out=$2
 mkdir -p "$out"
-for tool in apgm apgm-info apgm-convert apgm-merge apgm-crop apgm-diff apgm-resample apgm-map apgm-compare apgm-archive apgm-render; do
+for tool in apgm apgm-info apgm-convert apgm-merge apgm-crop apgm-diff apgm-resample apgm-map apgm-compare apgm-archive apgm-verify apgm-render; do
   {
     printf '# %s\n\nWritten from `%s --help` by the target `cli_docs`.\n\n```text\n' "$tool" "$tool"
     "$bin/$tool" --help

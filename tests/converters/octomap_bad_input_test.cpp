@@ -138,7 +138,11 @@ TEST(OctomapBadInput, TreesAboveTheBudgetAreRefused) {
     EXPECT_EQ(error.code(), ErrorCode::kLimit);
     EXPECT_THAT(error.hint(), ::testing::HasSubstr("allow at least 1 MiB"));
   }
-  EXPECT_NE(octomap().open({path, {}, {}, bytes + tree}), nullptr);
+  // Each leaf covers 256 x 256 patches, and what they cover is listed.
+  const Error list = testing::error_of([&] { octomap().open({path, {}, {}, bytes + tree}); });
+  EXPECT_THAT(list.message(), ::testing::HasSubstr("the list of 262144 patches"));
+  EXPECT_THAT(list.hint(), ::testing::HasSubstr("allow at least 7 MiB"));
+  EXPECT_NE(octomap().open({path, {}, {}, std::uint64_t{8} << 20}), nullptr);
 }
 
 TEST(OctomapBadInput, AForeignTypeIsEscaped) {

@@ -12,7 +12,9 @@
 namespace apgm::test {
 
 /// A file on a disk that keeps its promises and no more: what was synced stays; of what came after any part
-/// may be there after a crash. The process that uses it may also meet errors, or be gone at any call.
+/// may be there after a crash. After a sync that failed the next may succeed without what the first one lost,
+/// though that is still read, as on Linux. The process that uses it may also meet errors, or be gone at any
+/// call.
 class CrashDisk final : public format::AppendFile {
  public:
   enum class Fault {
@@ -34,6 +36,8 @@ class CrashDisk final : public format::AppendFile {
   }
   bool met_fault() const { return met_; }
   std::uint64_t calls() const { return calls_; }
+  /// That succeeded.
+  std::uint64_t syncs() const { return syncs_; }
   const std::vector<std::byte>& current() const { return current_; }
 
   void read(std::uint64_t offset, std::span<std::byte> out) const override {
@@ -52,14 +56,28 @@ class CrashDisk final : public format::AppendFile {
     if (fails) fail();
   }
 
+  void rewrite(std::uint64_t offset, format::Bytes bytes) override {
+    if (meets_fault(true)) fail();
+    pending_.push_back({offset, {bytes.begin(), bytes.end()}, false});
+  }
+
   void sync() override {
     if (meets_fault(true)) {
       if (rng_() % 2 == 0) keep_some(false);
+      if (rng_() % 2 == 0) std::erase_if(pending_, [](const Change& change) { return !change.cut; });
       fail();
     }
-    durable_ = current_;
+    for (const Change& change : pending_) {
+      if (change.cut) {
+        durable_.resize(std::min<std::size_t>(durable_.size(), change.offset));
+      } else {
+        put(change.offset, change.bytes);
+      }
+    }
+    durable_.resize(current_.size());
     pending_.clear();
     partly_kept_ = false;
+    ++syncs_;
   }
 
   void cut(std::uint64_t size) override {
@@ -191,7 +209,7 @@ class CrashDisk final : public format::AppendFile {
   std::vector<Change> pending_;
   Fault fault_ = Fault::kNone;
   std::uint64_t countdown_ = 0;
-  std::uint64_t calls_ = 0;
+  std::uint64_t calls_ = 0, syncs_ = 0;
   bool met_ = false;
   bool partly_kept_ = false;
   std::mt19937_64 rng_;

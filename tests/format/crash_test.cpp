@@ -6,6 +6,7 @@
 #include "archive_merge.hpp"
 #include "archive_support.hpp"
 #include "archive_target.hpp"
+#include "commits.hpp"
 #include "content_id.hpp"
 #include "crash_disk.hpp"
 #include "layer_block.hpp"
@@ -28,8 +29,12 @@ struct MergeSink {
   void put(PatchIndex /*index*/, std::span<Parcel> parcels) { merge.put(parcels); }
 };
 
+/// Tags stay, as ArchiveWriter keeps them.
 void commit(CommitTarget& target, const Map& base, const Map& next) {
-  ArchiveMerge merge(target, next.header(), gone_from(base, next));
+  MapHeader header = next.header();
+  const Tags tags = target.base() == nullptr ? Tags() : tags_of(target.base()->header);
+  if (!tags.empty()) header.metadata[kTagsKey] = to_text(tags);
+  ArchiveMerge merge(target, header, gone_from(base, next));
   MergeSink sink{merge, next.header().types};
   put_changes(base, next, sink);
   merge.finish();
@@ -42,14 +47,27 @@ std::vector<std::byte> new_archive(const Map& map) {
   return bytes;
 }
 
+/// What an archive says.
+struct State {
+  std::uint64_t number = 0;
+  Tags tags;
+  Map map = empty_map();
+  std::uint64_t end = 0;  // of its last footer
+
+  bool same(const State& other) const {
+    return number == other.number && tags == other.tags && same_content(map, other.map);
+  }
+};
+
 /// One archive through commits, tags, crashes and errors, beside what it must hold.
 class History {
  public:
   History(std::uint64_t seed, Figures& figures) : rng_(seed), figures_(figures) {
-    maps_.push_back(changed_map(empty_map(), rng_, 6));
-    disk_.emplace(new_archive(maps_.back()));
-    ends_.push_back(disk_->size());
-    prefix_ = disk_->current();
+    const Map first = changed_map(empty_map(), rng_, 6);
+    disk_.emplace(new_archive(first));
+    maps_.push_back(first);
+    visible_ = {1, {}, first, disk_->size()};
+    keep(visible_);
     ++figures_.histories;
   }
 
@@ -59,11 +77,12 @@ class History {
       step();
       if (::testing::Test::HasFailure()) return;
     }
-    disk_->restart();
-    const Map next = changed_map(maps_.back(), rng_, 2);  // and the next commit works
-    attempt([&](AppendTarget& target) { commit(target, maps_.back(), next); });
+    disk_->restart();  // and the next commit works
+    attempt({visible_.number + 1, visible_.tags, changed_map(visible_.map, rng_, 2)});
     EXPECT_TRUE(done_);
-    check(&next);
+    check(false);
+    disk_->crash(rng_);
+    check(true);
   }
 
  private:
@@ -73,67 +92,93 @@ class History {
                                  Fault::kError, Fault::kFullDisk, Fault::kDeadDisk};
     const Fault fault = kFaults[rng_() % std::size(kFaults)];
     disk_->arm(fault, rng_() % 24, rng_());
-    const bool tags = rng_() % 5 == 0;
-    const Map next = tags ? maps_.back() : changed_map(maps_.back(), rng_, 1 + static_cast<int>(rng_() % 4));
-    attempt([&](AppendTarget& target) {
-      if (tags) return write_tags(target, {{"t" + std::to_string(rng_() % 9), 1}});
-      commit(target, maps_.back(), next);
-    });
+    State next = visible_;
+    if (rng_() % 5 == 0) {
+      next.tags["t" + std::to_string(rng_() % 9)] = 1 + rng_() % next.number;
+    } else {
+      ++next.number;
+      next.map = changed_map(next.map, rng_, 1 + static_cast<int>(rng_() % 4));
+    }
+    attempt(std::move(next));
     // After an error the machine may go on, or fail as well.
     const bool crash = fault == Fault::kCrash ? disk_->met_fault() : rng_() % 3 == 0;
     if (crash) {
       disk_->crash(rng_);
       ++figures_.crashes;
     }
-    disk_->restart();
     if (disk_->met_fault() && !crash) ++figures_.errors;
-    if (!done_ && !tags) maybe_.push_back(next);
-    check(tags ? nullptr : &next);
-    if (done_ || crash) maybe_.clear();
+    disk_->restart();
+    check(crash);
   }
 
-  template <typename Work>
-  void attempt(Work work) {
+  void attempt(State next) {
     done_ = false;
+    attempted_ = std::move(next);
+    const State before = visible_;
+    const std::uint64_t syncs = disk_->syncs();
     try {
       AppendTarget target(*disk_, "disk");
-      work(target);
+      if (attempted_.number == before.number) {
+        write_tags(target, attempted_.tags);
+      } else {
+        commit(target, before.map, attempted_.map);
+      }
       done_ = true;
       ++figures_.commits;
     } catch (const Error& e) {
       EXPECT_EQ(e.code(), ErrorCode::kOutput) << e.message();
     }
+    // Nothing else makes a commit durable that was found but not acknowledged.
+    if (disk_->syncs() > syncs) keep(before);
+    maybe_.push_back(attempted_);
   }
 
-  /// What was acknowledged is there; what was under way may be, whole.
-  void check(const Map* next) {
+  /// From now on a crash may not take this away.
+  void keep(const State& state) {
     const std::vector<std::byte>& bytes = disk_->current();
+    kept_ = state;
+    prefix_.assign(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(state.end));
+  }
+
+  bool may_be(const State& found, bool crash) const {
+    if (done_) return found.same(attempted_);
+    if (found.same(visible_) || found.same(attempted_)) return true;
+    return crash && (found.same(kept_) ||
+                     std::ranges::any_of(maybe_, [&](const State& state) { return found.same(state); }));
+  }
+
+  State read_back() const {
+    const std::vector<std::byte>& bytes = disk_->current();
+    const Reader reader(bytes, "disk");
+    State found{
+        reader.file().commits, {}, read_commit(reader), bytes.size() - reader.file().uncommitted_bytes};
+    const std::vector<CommitInfo> log = reader.commits();
+    EXPECT_EQ(log.size(), found.number);
+    for (const CommitInfo& info : log) {
+      for (const std::string& tag : info.tags) found.tags[tag] = info.number;
+    }
+    return found;
+  }
+
+  /// What was acknowledged is there, with its tags; what was under way may be, whole.
+  void check(bool crash) {
     try {
-      const Reader reader(bytes, "disk");
-      const std::uint64_t number = reader.file().commits;
-      const bool is_next = number == maps_.size() + 1;
-      EXPECT_TRUE(is_next || number == maps_.size());
-      EXPECT_TRUE(is_next || !done_ || next == nullptr);
-      EXPECT_EQ(reader.commits().size(), number);
-      const std::uint64_t end = bytes.size() - reader.file().uncommitted_bytes;
-      EXPECT_GE(end, ends_.back());
-      EXPECT_TRUE(std::equal(prefix_.begin(), prefix_.end(), bytes.begin()));
-      const Map last = read_commit(reader);
-      if (!is_next) {
-        EXPECT_TRUE(same_content(last, maps_.back()));
-      } else if (done_) {
-        EXPECT_TRUE(same_content(last, *next));
-      } else {
-        EXPECT_TRUE(std::ranges::any_of(maybe_, [&](const Map& map) { return same_content(last, map); }));
-      }
+      State found = read_back();
+      EXPECT_TRUE(may_be(found, crash)) << "commit " << found.number;
+      EXPECT_GE(found.end, kept_.end);
+      EXPECT_TRUE(std::equal(prefix_.begin(), prefix_.end(), disk_->current().begin()));
+      if (found.same(attempted_) && !done_) ++figures_.in_flight_kept;
+      maps_.resize(found.number, found.map);
+      maps_.back() = found.map;
       const std::size_t any = rng_() % maps_.size();
-      EXPECT_TRUE(same_content(read_commit(Reader(bytes, "disk", {.commit = any + 1})), maps_[any]));
+      EXPECT_TRUE(
+          same_content(read_commit(Reader(disk_->current(), "disk", {.commit = any + 1})), maps_[any]));
       figures_.read_back += 2;
-      if (is_next && !done_) ++figures_.in_flight_kept;
-      if (is_next) maps_.push_back(last);
-      if (!done_ && end > ends_.back()) disk_->sync();  // as the next writer does before all else
-      ends_.push_back(end);
-      prefix_.assign(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(end));
+      visible_ = std::move(found);
+      if (done_ || crash) {
+        keep(visible_);
+        maybe_.clear();
+      }
     } catch (const Error& e) {
       ADD_FAILURE() << e.message();
     }
@@ -143,10 +188,11 @@ class History {
   std::mt19937_64 rng_;
   Figures& figures_;
   std::optional<CrashDisk> disk_;
-  std::vector<Map> maps_;            // by number of the commit, from 1
-  std::vector<std::uint64_t> ends_;  // of what was read back
-  std::vector<std::byte> prefix_;    // that may never change again
-  std::vector<Map> maybe_;           // that failed, but may be found after a crash
+  std::vector<Map> maps_;  // by number of the commit, from 1
+  State visible_, attempted_;
+  State kept_;                     // what no crash may take away, and
+  std::vector<std::byte> prefix_;  // its bytes, that may never change again
+  std::vector<State> maybe_;       // what failed, but may be found after a crash
   bool done_ = false;
 };
 

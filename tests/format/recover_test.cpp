@@ -2,10 +2,13 @@
 
 #include <gmock/gmock.h>
 
+#include <chrono>
+
 #include "apgm/core/error.hpp"
 #include "apgm/format/message.hpp"
 #include "apgm/format/verify.hpp"
 #include "file_parts.hpp"
+#include "map_header.hpp"
 #include "sample_map.hpp"
 #include "temp_dir.hpp"
 
@@ -151,6 +154,7 @@ TEST_F(RecoverTest, AnotherMapStandsInForALostHeader) {
     FAIL();
   } catch (const Error& e) {
     EXPECT_EQ(e.code(), ErrorCode::kDamaged);
+    EXPECT_NE(dynamic_cast<const HeaderLost*>(&e), nullptr);
     EXPECT_THAT(e.message(), HasSubstr("no map header is left"));
   }
   const Reader other(dir_ / "good.apgm");
@@ -185,6 +189,45 @@ TEST_F(RecoverTest, NothingWholeIsAnError) {
   }
   write_file(dir_ / "b", good_.substr(0, 100));
   EXPECT_THROW(Recovery(dir_ / "b"), Error);
+}
+
+TEST_F(RecoverTest, ListIsBoundedAndTheCountIsNot) {
+  std::string bad = good_;
+  for (const BlockAt& block : layer_blocks()) bad = zeroed(bad, block.offset, block.bytes);
+  RecoverOptions options;
+  options.max_losses = 2;
+  const RecoverReport report = recover(bad, options);
+  EXPECT_EQ(report.layers, 0u);
+  EXPECT_EQ(report.loss_count, layers_);
+  EXPECT_EQ(report.losses.size(), 2u);
+}
+
+TEST_F(RecoverTest, CancelEnds) {
+  const std::atomic<bool> cancel{true};
+  RecoverOptions options;
+  options.cancel = &cancel;
+  try {
+    recover(good_, options);
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ErrorCode::kCancelled);
+  }
+}
+
+/// Roots that cannot be used ask for one large header: it is read once.
+TEST_F(RecoverTest, ManyBadRootsCostLinearTime) {
+  std::string bad = good_.substr(0, first_of(good_, Kind::kIndexRoot).offset);
+  MapHeader header = Reader(dir_ / "good.apgm").header();
+  header.metadata["large"] = std::string(4'000'000, 'x');
+  std::vector<std::byte> block;
+  format::append_map_header(block, header);
+  for (std::uint64_t i = 0; i < 20'000; ++i) {
+    format::append_block(block, Kind::kIndexRoot, 0, {}, format::bytes_of(i));
+  }
+  bad.append(reinterpret_cast<const char*>(block.data()), block.size());
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_EQ(Recovery(std::as_bytes(std::span(bad))).report().layers, layers_);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10));  // else 20000 times 4 MB
 }
 
 TEST_F(RecoverTest, RandomDamageNeverChangesALayer) {

@@ -10,8 +10,8 @@ namespace apgm::test {
 
 /// A map that is large in memory and small on the disk: its layers repeat one pattern.
 struct BigMap {
-  std::uint64_t value_bytes = std::uint64_t{640} << 20;  ///< decoded, at least
-  int step = 8;
+  std::uint64_t value_bytes = std::uint64_t{320} << 20;  ///< decoded, at least
+  int step = 7;
   std::int64_t datum_um = 0;  ///< on both axes
   int pattern = 0;            ///< another number: other cells
   /// Occupancy always; with `heights` a second type of one real channel.

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -199,14 +200,15 @@ TEST(LayerLimits, TuplesOfAPalette) {
     header.types = TypeTable({LayerType::real("height", {"z"})});
     Map map(header);
     Layer& layer = map.layer({0, 0}, 0, 9);
-    for (std::size_t i = 0; i < layer.cells(); ++i) {
-      // Few bytes in common, so that a palette pays.
-      const auto tuple =
-          static_cast<std::uint32_t>(i * 2654435761u >> 7) % static_cast<std::uint32_t>(tuples);
-      layer.plane(0)[i] = static_cast<float>(tuple) * 1.2345678e-3f;
+    const auto all = static_cast<std::uint32_t>(tuples);
+    for (std::uint32_t i = 0; i < layer.cells(); ++i) {
+      // Every fourth cell may be a new tuple, the others are of 64: many that come back, so that a palette
+      // pays.
+      const std::uint32_t mixed = i * 2654435761u >> 12;
+      const std::uint32_t tuple = i % 4 != 0 ? mixed % 64 : i / 4 < all ? i / 4 : mixed % all;
+      // In [1, 2), without bytes in common: what a palette does not name takes four bytes.
+      layer.plane(0)[i] = std::bit_cast<float>(0x3f800000u | (tuple * 2654435761u & 0x7fffffu));
     }
-    for (int i = 0; i < tuples; ++i)
-      layer.plane(0)[static_cast<std::size_t>(i)] = static_cast<float>(i) * 1.2345678e-3f;
     const auto bytes = written(map);
     const Reader reader(bytes);
     PatchInfo patch;

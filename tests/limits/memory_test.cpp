@@ -1,5 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -25,12 +28,34 @@ struct Measured {
   std::string err;
 };
 
-/// Runs a program and measures the most memory it ever had.
+/// Makes a file in a process of its own, which takes its memory along when it ends.
+template <typename Make>
+void in_own_process(Make make) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    try {
+      make();
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "%s\n", error.what());
+      ::_exit(1);
+    }
+    ::_exit(0);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  ASSERT_EQ(status, 0);
+}
+
+/// Runs a program and measures the most memory it ever had, which counts from what this process has:
+/// ru_maxrss of a child starts there and stays when another program takes its place.
 Measured measured(const std::vector<std::string>& line, const std::string& directory) {
   const std::string errors = directory + "/stderr";
   std::vector<char*> arguments;
   for (const std::string& word : line) arguments.push_back(const_cast<char*>(word.c_str()));
   arguments.push_back(nullptr);
+#ifdef __GLIBC__
+  ::malloc_trim(0);
+#endif
   const pid_t child = ::fork();
   if (child == 0) {
     if (::chdir(directory.c_str()) != 0 || std::freopen(errors.c_str(), "w", stderr) == nullptr) ::_exit(127);
@@ -57,27 +82,14 @@ std::ostream& operator<<(std::ostream& out, const HeavyCommand& command) { retur
 /// Maps that are ten times larger than what the tools are given. Made once.
 class MemoryTest : public testing::TestWithParam<HeavyCommand> {
  protected:
-  static constexpr std::uint64_t kMapBytes = 640 * kMiB;
+  static constexpr std::uint64_t kMapBytes = 320 * kMiB;
 
   static void SetUpTestSuite() {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
     return;
 #endif
     directory_ = new TempDir;
-    BigMap map;
-    map.value_bytes = kMapBytes;
-    map.write(*directory_ / "a.apgm");
-    map.pattern = 5;
-    map.write(*directory_ / "b.apgm");
-    map.datum_um = 1'000'000;  // 20 cells
-    map.write(*directory_ / "shifted.apgm");
-    map.datum_um = 10'001;  // between cells
-    map.value_bytes = 64 * kMiB;
-    map.write(*directory_ / "between.apgm");
-    map.datum_um = 0;
-    map.value_bytes = kMapBytes;
-    map.heights = true;
-    map.write(*directory_ / "two.apgm");
+    ASSERT_NO_FATAL_FAILURE(in_own_process(write_maps));
     write_log(*directory_ / "run.log");
     for (const std::string name : {"grid.tif", "grid.yaml", "grid.npz"}) {
       const Measured run = measured({tool("convert"), "-q", "a.apgm", "-o", name}, directory_->path());
@@ -96,12 +108,29 @@ class MemoryTest : public testing::TestWithParam<HeavyCommand> {
     if (directory_ == nullptr) GTEST_SKIP() << "the sanitizer needs memory of its own";
   }
 
+  static void write_maps() {
+    BigMap map;
+    map.value_bytes = kMapBytes;
+    map.write(*directory_ / "a.apgm");
+    map.pattern = 5;
+    map.write(*directory_ / "b.apgm");
+    map.datum_um = 1'000'000;  // 20 cells
+    map.write(*directory_ / "shifted.apgm");
+    map.datum_um = 10'001;  // between cells
+    map.value_bytes = kMapBytes / 10;
+    map.write(*directory_ / "between.apgm");
+    map.datum_um = 0;
+    map.value_bytes = kMapBytes;
+    map.heights = true;
+    map.write(*directory_ / "two.apgm");
+  }
+
   static std::string tool(const std::string& verb) { return std::string(APGM_BIN_DIR) + "/apgm-" + verb; }
 
   /// A laser that drives far: its map is large.
   static void write_log(const std::string& path) {
     std::ofstream text(path);
-    for (int i = 0; i < 1200; ++i) {
+    for (int i = 0; i < 600; ++i) {
       text << "FLASER 61";
       for (int beam = 0; beam <= 60; ++beam) text << ' ' << 4 + (beam * 7 + i) % 40 / 10.0;
       text << ' ' << 2 * i << " 0 0 " << 2 * i << " 0 0 " << 100 + 0.1 * i << " host " << 0.1 * i << '\n';
@@ -110,6 +139,10 @@ class MemoryTest : public testing::TestWithParam<HeavyCommand> {
 
   static Measured run(const std::string& budget, const std::vector<std::string>& more = {}) {
     const HeavyCommand& command = GetParam();
+    // Not one that is there: a picture of other descriptions is not replaced.
+    for (const std::string& name : directory_->list()) {
+      if (name.starts_with("out.")) std::filesystem::remove(*directory_ / name);
+    }
     std::vector<std::string> line{tool(command.verb), "-O", "-q", "--max-memory", budget};
     line.insert(line.end(), command.arguments.begin(), command.arguments.end());
     line.insert(line.end(), more.begin(), more.end());
@@ -151,11 +184,10 @@ TEST_P(MemoryTest, StaysWithinTheLeastBudget) {
 }
 
 TEST_P(MemoryTest, StaysWithinMore) {
-  for (const int mebibytes : {96, 160}) {
-    const Measured done = run(std::to_string(mebibytes) + "MiB", {"-j", "2"});
-    EXPECT_THAT(done.code, AnyOf(0, 3, 6)) << done.err;
-    EXPECT_LE(done.peak_mib, mebibytes);
-  }
+  constexpr int kMebibytes = 64;
+  const Measured done = run(std::to_string(kMebibytes) + "MiB", {"-j", "2"});
+  EXPECT_THAT(done.code, AnyOf(0, 3, 6)) << done.err;
+  EXPECT_LE(done.peak_mib, kMebibytes);
 }
 
 std::vector<HeavyCommand> heavy_commands() {
@@ -168,12 +200,12 @@ std::vector<HeavyCommand> heavy_commands() {
       {"merge_types", "merge", with({"two.apgm", "a.apgm"}, "out.apgm")},
       {"merge_shifted", "merge", with({"a.apgm", "shifted.apgm"}, "out.apgm")},
       {"merge_regrid", "merge", with({"between.apgm", "a.apgm", "--regrid"}, "out.apgm")},
-      {"merge_hard_packed", "merge", with({"between.apgm", "--level", "19"}, "out.apgm")},
-      {"crop", "crop", with({"a.apgm", "--bbox", "10,10,300,300", "--snap", "cell"}, "out.apgm")},
-      {"resample", "resample", with({"a.apgm", "--step", "7"}, "out.apgm")},
-      {"resample_finer", "resample", with({"between.apgm", "--step", "9"}, "out.apgm")},
+      {"merge_hard_packed", "merge", with({"between.apgm", "--level", "19"}, "out.apgm"), true, 64},
+      {"crop", "crop", with({"a.apgm", "--bbox", "10,10,200,200", "--snap", "cell"}, "out.apgm")},
+      {"resample", "resample", with({"a.apgm", "--step", "6"}, "out.apgm")},
+      {"resample_finer", "resample", with({"between.apgm", "--step", "8"}, "out.apgm")},
       {"resample_regrid", "resample", with({"between.apgm", "--edge", "10"}, "out.apgm")},
-      {"render", "render", with({"a.apgm", "--scale", "0.8"}, "out.png")},
+      {"render", "render", with({"a.apgm", "--scale", "1.6"}, "out.png")},
       {"map", "map", with({"run.log", "--resolution", "0.05"}, "out.apgm"), true, 96},
       {"recode", "convert", with({"a.apgm", "--level", "1"}, "out.apgm"), true, 96},
       {"to_map_server", "convert", with({"a.apgm"}, "out.yaml"), true, 96},

@@ -14,7 +14,7 @@ using testing::IsEmpty;
 
 /// Calls that fail one after the other, of each kind and command: enough to meet the first, the last and
 /// those between in many places.
-constexpr long kMostPlaces = 6;
+constexpr long kMostPlaces = 4;
 
 const Workshop& workshop() {
   static const Workshop shop(3);

@@ -17,7 +17,7 @@ using std::chrono::steady_clock;
 using testing::AnyOf;
 using testing::IsEmpty;
 
-constexpr int kRounds = 4;  // of each signal and command
+constexpr int kRounds = 2;  // of each signal and command
 
 const Workshop& workshop() {
   static const Workshop shop(6);

@@ -39,6 +39,16 @@ std::vector<std::string> archive_operands(const std::vector<std::string>& inputs
   return result;
 }
 
+void warn_of_cut(Session& session, const std::string& archive, const TornEnd& torn) {
+  session.result()["cut_bytes"] = torn.bytes;
+  session.result()["cut_layers"] = torn.layers;
+  if (torn.bytes == 0) return;
+  session.warning(fmt::format(
+      "cut {} with {} off '{}': they follow the last whole commit, and are of an append that was "
+      "interrupted, or of a commit that was damaged since",
+      plural(torn.bytes, "byte", "bytes"), plural(torn.layers, "whole layer", "whole layers"), archive));
+}
+
 std::uint64_t parse_commit(const std::string& option, const std::string& text, std::int64_t least) {
   return static_cast<std::uint64_t>(parse_integer(option, text, least, INT64_MAX, "commits count from 1"));
 }
@@ -117,6 +127,7 @@ class CommitCommand final : public Tool {
     session.result()["dry_run"] = dry_run_;
     if (dry_run_) return dry_run(session, map);
     ArchiveWriter writer(archive_, options_);
+    const TornEnd torn = writer.torn();
     if (writer.last() == nullptr) {
       writer.begin(header, {}, commit_);
       put(session, map, header, writer);
@@ -125,6 +136,7 @@ class CommitCommand final : public Tool {
       writer.begin(header, changes.gone(), commit_);
       put(session, changes, header, writer);
     }
+    warn_of_cut(session, archive_, torn);
     report(session, writer.report());
   }
 
@@ -146,6 +158,7 @@ class CommitCommand final : public Tool {
     };
     if (std::filesystem::exists(archive_, error)) {
       const Reader archive(archive_);
+      step_opened(session, archive_, archive);
       last = archive.file().commits;
       const ChangesSource changes(archive, map, session.run_options(heavy_, "comparing"));
       layers = count(changes);

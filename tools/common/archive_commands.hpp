@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "apgm/format/archive.hpp"
 #include "tools/common/app.hpp"
 
 namespace apgm::tools {
@@ -22,6 +23,8 @@ std::pair<int, std::string> archive_output_fails();
 /// `names`
 std::vector<std::string> archive_operands(const std::vector<std::string>& inputs, const std::string& command,
                                           const std::vector<std::string>& names, std::size_t required);
+/// Warns of what was cut off the end of an archive, where anything was.
+void warn_of_cut(Session& session, const std::string& archive, const TornEnd& torn);
 /// The number of a commit, at least `least`.
 std::uint64_t parse_commit(const std::string& option, const std::string& text, std::int64_t least);
 /// @throws Error{kInvalidArgument} if the text cannot be a tag

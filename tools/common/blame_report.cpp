@@ -74,6 +74,10 @@ void BlameQuestion::add(CLI::App& app) {
 void BlameQuestion::check(const std::vector<std::string>& inputs) {
   if (!text_) return;
   check_inputs(inputs);
+  if (inputs.size() < 2) {
+    throw usage_error("--blame takes a merged map and the inputs to choose from: one map is given",
+                      "apgm-diff --blame X,Y MERGED INPUT...");
+  }
   point_ = parse_point("--blame", *text_, kMaxCoordinate_m);
 }
 

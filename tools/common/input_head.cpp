@@ -26,6 +26,19 @@ ssize_t peek(int pipe_end, std::string& head) {
   return got > 0 ? ::read(out.fd, head.data(), static_cast<std::size_t>(got)) : got;
 }
 
+/// As many bytes from `at` on as there are, up to the size of `head`.
+ssize_t read_at(int fd, off_t at, std::string& head) {
+  std::size_t done = 0;
+  while (done < head.size()) {
+    const ssize_t got = ::pread(fd, head.data() + done, head.size() - done, at + static_cast<off_t>(done));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return -1;
+    if (got == 0) break;
+    done += static_cast<std::size_t>(got);
+  }
+  return static_cast<ssize_t>(done);
+}
+
 }  // namespace
 
 std::string head_of(const std::string& path) {
@@ -34,7 +47,7 @@ std::string head_of(const std::string& path) {
   std::string head(kHeadBytes, '\0');
   ssize_t got = -1;
   if (at >= 0) {
-    got = ::pread(input.fd, head.data(), head.size(), at);
+    got = read_at(input.fd, at, head);
   } else if (input.fd >= 0) {
     got = std::max<ssize_t>(peek(input.fd, head), 0);
   }

@@ -125,10 +125,10 @@ void check_output_path(const std::string& path, bool overwrite, const std::vecto
 }
 
 void warn_of_extension(Session& session, const std::string& path, const std::string& written) {
-  static const std::set<std::string> kForeign{".apgm", ".bag", ".bmp",  ".bt",  ".csv",  ".geojson", ".gif",
-                                              ".jpeg", ".jpg", ".json", ".las", ".mcap", ".npy",     ".ot",
-                                              ".pcd",  ".pdf", ".pgm",  ".ply", ".png",  ".svg",     ".tif",
-                                              ".tiff", ".txt", ".webp", ".xml", ".yaml", ".yml",     ".zip"};
+  static const std::set<std::string> kForeign{
+      ".apgm", ".apgms", ".bag",  ".bmp", ".bt",   ".csv", ".geojson", ".gif", ".jpeg", ".jpg",
+      ".json", ".las",   ".mcap", ".npy", ".ot",   ".pcd", ".pdf",     ".pgm", ".ply",  ".png",
+      ".svg",  ".tif",   ".tiff", ".txt", ".webp", ".xml", ".yaml",    ".yml", ".zip"};
   const std::string name = path.substr(path.rfind('/') + 1);
   const std::size_t dot = name.rfind('.');
   if (dot == std::string::npos || dot == 0) return;

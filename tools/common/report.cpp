@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "apgm/format/reader.hpp"
+#include "apgm/ops/apply.hpp"
 
 namespace apgm::tools {
 
@@ -17,6 +18,12 @@ void report_written(Session& session, const OutputChoice& output, const WriteRep
   result["content_id"] = report.content_id;
   session.done(fmt::format("wrote '{}': {}, {}, {}", output.path, plural(report.patches, "patch", "patches"),
                            plural(report.layers, "layer", "layers"), size_text(report.file_bytes)));
+}
+
+void warn_of_delta(Session& session, const std::string& path, const MapHeader& header) {
+  if (!holds_changes(header)) return;
+  session.warning(
+      fmt::format("'{}' is a delta: what becomes of it is a map of what changed, and no delta", path));
 }
 
 void report_dry_run(Session& session, const OutputChoice& output) {

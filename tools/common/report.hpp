@@ -12,6 +12,9 @@ namespace apgm::tools {
 /// document, a line for -v or a terminal, and a note if the map is empty.
 void report_written(Session& session, const OutputChoice& output, const WriteReport& report);
 
+/// Warns where a delta goes into an operation whose result is none (drop_changes).
+void warn_of_delta(Session& session, const std::string& path, const MapHeader& header);
+
 /// The same where nothing was written because of --dry-run.
 void report_dry_run(Session& session, const OutputChoice& output);
 

@@ -13,8 +13,15 @@ namespace {
 std::atomic<bool> cancelled{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler sets it");
 
-void handle(int signal) {
-  if (!cancelled.exchange(true) || signal != SIGINT) return;
+/// How long an operation may take to end by itself. Longer than any step of one; a wait for a pipe has no
+/// end.
+constexpr unsigned kGraceSeconds = 3;
+
+void handle(int) {
+  if (!cancelled.exchange(true)) {
+    ::alarm(kGraceSeconds);
+    return;
+  }
   remove_temporary_files();
   ::_exit(kExitInterrupted);
 }
@@ -37,6 +44,7 @@ void handle_signals() {
   action.sa_flags = SA_RESTART;
   ::sigaction(SIGINT, &action, nullptr);
   ::sigaction(SIGTERM, &action, nullptr);
+  ::sigaction(SIGALRM, &action, nullptr);
 }
 
 const std::atomic<bool>& cancel_flag() { return cancelled; }

@@ -60,6 +60,7 @@ Json document(const StreamReport& r, std::uint64_t unusable) {
           {"ended", r.ended},
           {"gone", r.gone},
           {"layers", r.layers},
+          {"layers_superseded", r.superseded},
           {"layers_unusable", unusable},
           {"messages", r.messages}};
 }
@@ -147,6 +148,11 @@ std::unique_ptr<StreamMap> read_stream(Session& session, const std::string& path
            "send it again, or ask the sender for its map header more often");
   }
   std::vector<std::string> lost = missing(report, map->unusable());
+  if (report.duplicate + report.superseded > 0) {
+    session.step(fmt::format("'{}': {} again, {} after a newer state", path,
+                             plural(report.duplicate, "block came", "blocks came"),
+                             plural(report.superseded, "layer came", "layers came")));
+  }
   if (lost.empty() && map->is_as_said() == false) {
     lost.emplace_back("what arrived is not the map that was sent");
   }
@@ -181,11 +187,15 @@ std::unique_ptr<StreamMap> apply_stream(Session& session, const PatchSource& bas
          "'apgm-diff REF OTHER --delta FILE --stream' makes one; 'apgm-convert' makes a map of a whole one");
   }
   check_base(base, map->base(), map->result(), names);
+  if (map->result().empty()) {
+    fail(path, ErrorCode::kDamaged, "does not say which map it leads to: what it gives cannot be checked",
+         "the sender has to name the result at the end of its message (StreamWriter::end)");
+  }
   if (map->is_as_said() == false) {
     fail(path, ErrorCode::kDamaged,
-         fmt::format("gives content {}, not {} as it says: it is damaged, or its base", map->content_id(),
+         fmt::format("is not the delta it says it is: it gives content {}, not {}", map->content_id(),
                      map->result()),
-         "'apgm-verify' finds out whether the base is");
+         "'apgm-verify' finds out whether the base is damaged");
   }
   return map;
 }

@@ -55,7 +55,8 @@ std::unique_ptr<StreamMap> read_stream(Session& session, const std::string& path
 /// @param result  a document that tells of the stream: its member `stream`
 /// @param names   for messages; that of the delta is the stream's path
 /// @throws Error{kDamaged|kUnsupported} if anything is missing, or the stream does not lead to the map it
-///         names; {kForeign} if it names no base; {kIncompatible} as check_base(); {kUnreadable}
+///         names, or names none; {kForeign} if it names no base; {kIncompatible} as check_base();
+///         {kUnreadable}
 std::unique_ptr<StreamMap> apply_stream(Session& session, const PatchSource& base, const ApplyNames& names,
                                         const std::string& scratch, Json& result);
 

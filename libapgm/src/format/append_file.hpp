@@ -19,8 +19,8 @@ class AppendFile : public ReadAt {
   virtual void write(Bytes bytes) = 0;
   /// The same bytes once more where they lie, before the end of what was synced. @throws Error{kOutput}
   virtual void rewrite(std::uint64_t offset, Bytes bytes) = 0;
-  /// What was written and cut so far is on the disk. @throws Error{kOutput}; any part may then be, and what is
-  /// not may be passed over by the next `sync`, though `read` still gives it
+  /// What was written and cut so far is on the disk. @throws Error{kOutput}; any part may then be, and what
+  /// is not may be passed over by the next `sync`, though `read` still gives it
   virtual void sync() = 0;
   /// Takes off what lies from `size` on. @throws Error{kOutput}
   virtual void cut(std::uint64_t size) = 0;

@@ -56,6 +56,7 @@ struct ArchiveWriter::State {
   std::optional<LockedFile> file;
   std::optional<Reader> last;
   std::unique_ptr<CommitTarget> target;
+  const AppendTarget* append = nullptr;  // `target`, of an archive that was there
   std::optional<ArchiveMerge> merge;
   TypeTable types;
   CommitReport report;
@@ -72,7 +73,9 @@ ArchiveWriter::ArchiveWriter(const std::string& path, const ArchiveOptions& opti
     return;
   }
   s.file.emplace(path);
-  s.target = std::make_unique<AppendTarget>(*s.file, path);
+  auto append = std::make_unique<AppendTarget>(*s.file, path);
+  s.append = append.get();
+  s.target = std::move(append);
   if (options.expected) check_expected(path, *options.expected, s.target->base()->at.footer.commits);
   s.last.emplace(path);
 }
@@ -80,6 +83,8 @@ ArchiveWriter::ArchiveWriter(const std::string& path, const ArchiveOptions& opti
 ArchiveWriter::~ArchiveWriter() = default;
 
 const Reader* ArchiveWriter::last() const { return state_->last ? &*state_->last : nullptr; }
+
+TornEnd ArchiveWriter::torn() const { return state_->append == nullptr ? TornEnd() : state_->append->torn(); }
 
 void ArchiveWriter::begin(const MapHeader& header, std::vector<MapChanges::Gone> gone,
                           const CommitOptions& options) {
@@ -115,7 +120,8 @@ void ArchiveWriter::finish() {
 
 const CommitReport& ArchiveWriter::report() const { return state_->report; }
 
-std::uint64_t tag_commit(const std::string& archive, const std::string& name, std::uint64_t number) {
+std::uint64_t tag_commit(const std::string& archive, const std::string& name, std::uint64_t number,
+                         TornEnd* torn) {
   if (!is_tag_name(name)) fail_tag(name);
   LockedFile file(archive);
   AppendTarget target(file, archive);
@@ -123,19 +129,21 @@ std::uint64_t tag_commit(const std::string& archive, const std::string& name, st
   Tags tags = stored_tags(target);
   tags[name] = number;
   write_tags(target, tags);
+  if (torn != nullptr) *torn = target.torn();
   return number;
 }
 
-void remove_tag(const std::string& archive, const std::string& name) {
+void remove_tag(const std::string& archive, const std::string& name, TornEnd* torn) {
   LockedFile file(archive);
   AppendTarget target(file, archive);
   Tags tags = stored_tags(target);
   if (tags.erase(name) == 0) {
     throw Error(ErrorCode::kInvalidArgument, "'" + archive + "' has no tag '" + name + "'")
-        .hint("'apgm archive log' lists the tags")
+        .hint("'apgm-archive log' lists the tags")
         .at(archive);
   }
   write_tags(target, tags);
+  if (torn != nullptr) *torn = target.torn();
 }
 
 }  // namespace apgm

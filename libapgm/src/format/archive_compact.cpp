@@ -8,6 +8,7 @@
 #include "append_file.hpp"
 #include "archive_target.hpp"
 #include "commits.hpp"
+#include "content_id.hpp"
 #include "file_cursor.hpp"
 #include "located.hpp"
 #include "map_header.hpp"
@@ -19,10 +20,14 @@ using namespace format;
 
 namespace {
 
-/// What makes stored layers the same: equal blocks but for the number of the commit.
+/// What makes stored layers the same: equal blocks but for the number of the commit, of types that mean the
+/// same.
 struct BlockKey {
-  std::uint64_t key, payload_hash;
+  std::uint64_t key, payload_hash, space, content_hash;
+  std::int64_t stamp_ns;
   std::uint32_t bytes;
+  TypeId type;
+  std::uint8_t step, encoding;
   friend bool operator==(const BlockKey&, const BlockKey&) = default;
 };
 struct BlockKeyHash {
@@ -47,19 +52,10 @@ class Compactor {
     footer.header_hash = append_map_header(block_, header, footer.commits).payload_hash;
     footer.header_bytes = block_.size();
     write_block();
-    std::vector<fbs::PageRef> pages;
-    for (const fbs::PageRef& page : commit.root.pages) pages.push_back(copy_page(commit, page));
-    const auto [root, is_new] = roots_.try_emplace(at.footer.root_offset);
-    if (is_new) {
-      root->second.offset = output_.size();
-      append_root(block_, pages, commit.root.totals, footer.commits);
-      root->second.bytes = block_.size();
-      root->second.hash = read_as<BlockHeader>(block_).payload_hash;
-      write_block();
-    }
-    footer.root_offset = root->second.offset;
-    footer.root_bytes = root->second.bytes;
-    footer.root_hash = root->second.hash;
+    const Place root = copy_index(commit);
+    footer.root_offset = root.offset;
+    footer.root_bytes = root.bytes;
+    footer.root_hash = root.hash;
     footer.previous_footer = last_footer_;
     last_footer_ = output_.size();
     footer.file_bytes = last_footer_ + kFooterBlockBytes;
@@ -73,38 +69,90 @@ class Compactor {
   struct Place {
     std::uint64_t offset = 0, bytes = 0, hash = 0;
   };
+  struct CopiedPage {
+    fbs::PageRef from, to;
+  };
+  struct CopiedRoot {
+    std::vector<fbs::PageRef> pages;
+    std::vector<Summary::OfType> totals;
+    Place place;
+  };
 
   void write_block() {
     output_.write(block_);
     block_.clear();
   }
 
-  /// Pages that commits shared are shared again.
-  fbs::PageRef copy_page(const OpenCommit& commit, const fbs::PageRef& page) {
-    if (const auto known = pages_.find(page.offset()); known != pages_.end()) return known->second;
+  /// The pages and the root; checks that they are what the footer's content id says.
+  Place copy_index(const OpenCommit& commit) {
+    ContentId id(commit.header);
+    std::vector<std::uint64_t> spaces;
+    for (const LayerType& type : commit.header.types) spaces.push_back(space_hash(type));
+    if (spaces != spaces_) pages_.clear();  // what they list means something else
+    spaces_ = std::move(spaces);
+    last_place_.reset();
+    std::vector<fbs::PageRef> pages;
+    for (const fbs::PageRef& page : commit.root.pages) pages.push_back(copy_page(commit, page, id));
+    if (id.value() != commit.at.footer.content_id) {
+      fail_damaged(input_, commit.at.offset,
+                   "commit " + std::to_string(commit.at.footer.commits) + " is not what its content id says");
+    }
+    if (!root_ || !same_pages(root_->pages, pages) || root_->totals != commit.root.totals) {
+      root_ = {pages, commit.root.totals, {}};
+      root_->place.offset = output_.size();
+      append_root(block_, pages, commit.root.totals, commit.at.footer.commits);
+      root_->place.bytes = block_.size();
+      root_->place.hash = read_as<BlockHeader>(block_).payload_hash;
+      write_block();
+    }
+    return root_->place;
+  }
+
+  static bool same_pages(std::span<const fbs::PageRef> a, std::span<const fbs::PageRef> b) {
+    return std::ranges::equal(std::as_bytes(a), std::as_bytes(b));
+  }
+
+  /// Pages that commits shared are shared again; each is read and checked for each commit.
+  fbs::PageRef copy_page(const OpenCommit& commit, const fbs::PageRef& page, ContentId& id) {
     buffer_.resize(page.bytes());
     input_.read(page.offset(), buffer_);
     std::vector<IndexEntry> entries;
     located(input_, page.offset(), "", [&] {
       read_page(buffer_, page, commit.at.footer.root_offset, commit.header.types, commit.root, entries);
     });
+    const std::pair first(entries.front().key, entries.front().type);
+    if (last_place_ && *last_place_ >= first) {
+      fail_damaged(input_, page.offset(), "index entries are not in order");
+    }
+    last_place_.emplace(entries.back().key, entries.back().type);
+    for (const IndexEntry& e : entries) id.add({e.ix, e.iy}, e.type, e.step, e.content_hash);
+    const auto known = pages_.find(page.offset());
+    if (known != pages_.end() && same_pages({&known->second.from, 1}, {&page, 1})) return known->second.to;
     for (IndexEntry& entry : entries) entry.offset = copy_layer(commit, entry);
     const fbs::PageRef copied = append_page(block_, output_.size(), entries, commit.at.footer.commits);
     write_block();
-    pages_.emplace(page.offset(), copied);
+    pages_.insert_or_assign(page.offset(), CopiedPage{page, copied});
     return copied;
   }
 
   /// Where the layer lies in the new file.
   std::uint64_t copy_layer(const OpenCommit& commit, const IndexEntry& e) {
-    const auto [known, is_new] = blocks_.try_emplace({e.key, e.stored_hash, e.stored_bytes}, output_.size());
+    const BlockKey key{e.key,          e.stored_hash, spaces_[e.type], e.content_hash, e.stamp_ns,
+                       e.stored_bytes, e.type,        e.step,          e.encoding};
+    const auto [known, is_new] = blocks_.try_emplace(key, output_.size());
     if (!is_new) return known->second;
     if (cancelled_ && cancelled_()) throw Error(ErrorCode::kCancelled, "cancelled");
     const LayerInfo info{{e.ix, e.iy},   e.type,         e.step,     e.encoding,
                          e.stored_bytes, e.content_hash, e.stamp_ns, e.offset};
     const std::string name = name_of(info.patch, commit.header.types[e.type].name);
     located(
-        input_, e.offset, name, [&] { read_layer(input_, info, layer_); }, kSalvage);
+        input_, e.offset, name,
+        [&] {
+          read_layer(input_, info, layer_);
+          if (read_as<BlockHeader>(layer_).payload_hash == e.stored_hash) return;
+          throw Error(ErrorCode::kDamaged, "the block is not the one the index names");
+        },
+        kSalvage);
     renumber_block(layer_, commit.at.footer.commits);
     output_.write(layer_);
     return known->second;
@@ -115,8 +163,10 @@ class Compactor {
   OutputBlocks output_;
   std::vector<std::byte> block_, buffer_, layer_;
   std::unordered_map<BlockKey, std::uint64_t, BlockKeyHash> blocks_;
-  std::unordered_map<std::uint64_t, fbs::PageRef> pages_;  // by where they are in the old file
-  std::unordered_map<std::uint64_t, Place> roots_;         // the same
+  std::unordered_map<std::uint64_t, CopiedPage> pages_;         // by where they are in the old file
+  std::vector<std::uint64_t> spaces_;                           // of the commit's types
+  std::optional<CopiedRoot> root_;                              // the last
+  std::optional<std::pair<std::uint64_t, TypeId>> last_place_;  // of the commit's entries so far
   std::uint64_t last_footer_ = 0;
 };
 
@@ -140,7 +190,7 @@ CompactReport compact(const InputFile& input, const FooterAt& last, OutputFile o
   const std::vector<FooterAt> chosen = kept(commits, options.keep, tags);
   Compactor compactor(input, std::move(output), options.cancelled);
   for (const FooterAt& at : chosen) compactor.copy(at, at.offset == last.offset);
-  const CompactReport report{commits.size(), chosen.size(), input.size(), compactor.size()};
+  const CompactReport report{commits.size(), chosen.size(), input.size(), compactor.size(), {}};
   compactor.finish();
   return report;
 }
@@ -156,12 +206,16 @@ CompactReport compact_archive(const std::string& archive, const CompactOptions& 
     AppendTarget target(file, archive);
     CompactReport report = compact(*target.input(), target.base()->at, OutputFile(archive, output), options);
     report.file_bytes_before = before;
+    report.torn = target.torn();
     return report;
   }
   check_not_an_input(options.output, std::span(&archive, 1));
   const InputFile input(archive);
   check_is_archive(input);
-  return compact(input, find_last_footer(input, true).last, OutputFile(options.output, output), options);
+  const Tail tail = find_last_footer(input, true);
+  CompactReport report = compact(input, tail.last, OutputFile(options.output, output), options);
+  report.torn = torn_end(input, tail);
+  return report;
 }
 
 }  // namespace apgm

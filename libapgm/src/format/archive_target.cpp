@@ -11,7 +11,7 @@ Preamble check_is_archive(const InputFile& file) {
   const Preamble preamble = read_preamble(file);
   if (is_archive(preamble)) return preamble;
   throw Error(ErrorCode::kIncompatible, "'" + file.path() + "' is a sealed map, not an archive")
-      .hint("commit it to a new archive: apgm archive commit NEW.apgm " + file.path())
+      .hint("commit it to a new archive: apgm-archive commit NEW.apgm " + file.path())
       .at(file.path());
 }
 
@@ -27,6 +27,8 @@ void check_may_append(const InputFile& file) {
   }
 }
 
+}  // namespace
+
 TornEnd torn_end(const InputFile& file, const Tail& tail) {
   TornEnd torn{tail.uncommitted_bytes, 0};
   if (torn.bytes == 0) return torn;
@@ -36,8 +38,6 @@ TornEnd torn_end(const InputFile& file, const Tail& tail) {
   }
   return torn;
 }
-
-}  // namespace
 
 AppendTarget::AppendTarget(AppendFile& file, const std::string& path) : file_(file) {
   input_.emplace(file, file.size(), path);

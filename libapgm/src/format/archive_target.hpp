@@ -27,6 +27,9 @@ class CommitTarget : public BlockOutput {
 /// @throws Error{kIncompatible} if the file is a sealed map; as read_preamble
 Preamble check_is_archive(const InputFile& file);
 
+/// What follows the last footer. Reads all of it.
+TornEnd torn_end(const InputFile& file, const Tail& tail);
+
 /// The end of an archive that is there. What lies after its last commit is cut off when the first is written.
 class AppendTarget final : public CommitTarget {
  public:

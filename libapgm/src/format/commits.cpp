@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <optional>
 #include <string_view>
 
 #include "apgm/core/error.hpp"
@@ -96,6 +97,7 @@ std::string to_text(const Tags& tags) {
 }
 
 Tags parse_tags(const std::string& text) {
+  if (text.empty()) fail("the list of tags is empty");
   Tags tags;
   for (std::string_view rest = text; !rest.empty();) {
     const std::string_view pair = rest.substr(0, rest.find(' '));
@@ -144,7 +146,7 @@ FooterAt find_commit(const InputFile& file, const FooterAt& last, std::uint64_t 
   while (at.footer.commits > number && at.footer.previous_footer != 0) at = previous_footer(file, at);
   if (at.footer.commits == number) return at;
   throw Error(ErrorCode::kInvalidArgument, "'" + file.path() + "' has no commit " + std::to_string(number))
-      .hint("the last is " + std::to_string(last.footer.commits) + "; 'apgm archive log' lists them")
+      .hint("the last is " + std::to_string(last.footer.commits) + "; 'apgm-archive log' lists them")
       .at(file.path());
 }
 
@@ -161,8 +163,15 @@ std::vector<CommitInfo> log_of(const InputFile& file, const FooterAt& last) {
   std::vector<CommitInfo> log;
   std::uint64_t end = 0;
   Tags tags;
+  MapHeader header;
+  std::optional<Footer> before;  // hostile files name one large header in each of many footers
   for (const FooterAt& at : last_of_each(footer_chain(file, last))) {
-    const MapHeader header = header_of(file, at);
+    const Footer& f = at.footer;
+    if (!before || before->header_offset != f.header_offset || before->header_bytes != f.header_bytes ||
+        before->header_hash != f.header_hash) {
+      header = header_of(file, at);
+    }
+    before = f;
     CommitInfo info;
     info.number = at.footer.commits;
     info.content_id = to_hex(at.footer.content_id);

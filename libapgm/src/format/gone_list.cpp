@@ -11,8 +11,6 @@
 namespace apgm {
 namespace {
 
-constexpr const char* kGoneKey = "apgm.gone";
-
 /// What `gone` breaks of its rules; nullptr: nothing.
 const char* fault(const std::vector<MapChanges::Gone>& gone, const TypeTable& types) {
   const auto place = [](const MapChanges::Gone& g) {

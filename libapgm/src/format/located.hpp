@@ -11,7 +11,7 @@ namespace apgm::format {
 
 inline constexpr const char* kCopyAgain =
     "get the file again from where it came; a copy may have been cut short";
-inline constexpr const char* kSalvage = "'apgm crop --salvage' keeps the layers that are whole";
+inline constexpr const char* kSalvage = "'apgm-crop --salvage' keeps the layers that are whole";
 
 [[noreturn]] void fail_damaged(const InputFile& file, std::uint64_t offset, const std::string& what,
                                const char* hint = kCopyAgain);

@@ -1,6 +1,7 @@
 #include "apgm/format/recover.hpp"
 
 #include <algorithm>
+#include <functional>
 #include <utility>
 
 #include "commits.hpp"
@@ -12,6 +13,7 @@
 #include "parallel.hpp"
 #include "preamble.hpp"
 #include "recover_plan.hpp"
+#include "scan.hpp"
 
 namespace apgm {
 
@@ -36,6 +38,30 @@ std::uint64_t committed_end(const InputFile& file, RecoverReport& report) {
     if (e.code() == ErrorCode::kUnreadable) throw;
   }
   return file.size() - report.uncommitted_bytes;
+}
+
+/// What is whole behind the last commit of an archive.
+struct Unfinished {
+  std::uint64_t layers = 0;
+  bool index = false;  // its root: but for the footer the commit was finished
+};
+
+Unfinished look_behind(const InputFile& file, std::uint64_t from,
+                       const std::function<void(std::uint64_t)>& progress) {
+  constexpr std::uint64_t kProgressBytes = std::uint64_t{16} << 20;
+  Unfinished out;
+  BlockScan scan(file, from, file.size());
+  Spot spot;
+  std::uint64_t told = from;
+  while (scan.next(spot)) {
+    const bool whole = spot.state == Spot::State::kWhole;
+    out.layers += whole && spot.header.kind == Kind::kLayer;
+    out.index |= whole && spot.header.kind == Kind::kIndexRoot;
+    if (spot.offset + spot.bytes - told < kProgressBytes) continue;
+    told = spot.offset + spot.bytes;
+    progress(told);
+  }
+  return out;
 }
 
 class RecoveryCursor final : public PatchCursor {
@@ -80,16 +106,17 @@ struct Recovery::State {
   Summary summary;
 
   void tell(std::uint64_t done) const {
-    if (options.cancel != nullptr && options.cancel->load(std::memory_order_relaxed)) {
-      throw Error(ErrorCode::kCancelled, "cancelled");
-    }
-    check_budget(salvage.memory_bytes(), options.max_memory_bytes);
+    plan.check_cancelled();
+    check_budget(options.max_memory_bytes, salvage.memory_bytes());
     if (options.progress) options.progress(done, 2 * file.size());
   }
 
   void run() {
-    salvage.scan(committed_end(file, report), [&](std::uint64_t done) { tell(done); });
+    const auto progress = [&](std::uint64_t done) { tell(done); };
+    const std::uint64_t end = committed_end(file, report);
+    salvage.scan(end, progress);
     check_any();
+    leave_out_unfinished(end, progress);
     plan.make();
     test_layers();
     plan.tell_losses();
@@ -98,6 +125,16 @@ struct Recovery::State {
     std::ranges::stable_sort(report.losses, {}, &Loss::offset);
     finish_header();
     sum_up();
+  }
+
+  /// A commit without its footer is none; but it may be a whole one whose footer was lost.
+  void leave_out_unfinished(std::uint64_t end, const std::function<void(std::uint64_t)>& progress) {
+    if (end == file.size()) return;
+    const Unfinished behind = look_behind(file, end, progress);
+    report.uncommitted_layers = behind.layers;
+    if (behind.layers == 0 && !behind.index) return;
+    plan.lose(end, "a commit that was not finished, " + std::to_string(behind.layers) +
+                       (behind.layers == 1 ? " layer" : " layers") + ", is left out");
   }
 
   void check_any() const {
@@ -111,10 +148,19 @@ struct Recovery::State {
   /// Layers that do not decode are lost.
   void test_layers() {
     std::vector<std::string> faults(plan.layers.size());
+    std::uint64_t largest = 0;
+    for (const Chosen& chosen : plan.layers) {
+      const std::uint64_t bytes = value_bytes(plan.header.types[chosen.info.type], chosen.info.step);
+      largest = std::max(largest, std::min<std::uint64_t>(bytes, Layer::kMaxBytes));
+    }
+    const int threads =
+        decoding_threads(options.max_memory_bytes, salvage.memory_bytes(), largest, options.threads);
+    Spares<Layer> spares;
     for (std::size_t from = 0; from < plan.layers.size(); from += kBatch) {
       const std::size_t n = std::min(kBatch, plan.layers.size() - from);
-      parallel_for(n, options.threads,
-                   [&](std::size_t i) { faults[from + i] = fault_of(plan.layers[from + i]); });
+      parallel_for(n, threads, [&](std::size_t i) {
+        faults[from + i] = spares.with([&](Layer& layer) { return fault_of(plan.layers[from + i], layer); });
+      });
       tell(file.size() + file.size() * (from + n) / plan.layers.size());
     }
     std::size_t kept = 0;
@@ -123,6 +169,8 @@ struct Recovery::State {
       const std::string& layer = plan.header.types[info.type].name;
       if (faults[i].empty()) {
         plan.layers[kept++] = plan.layers[i];
+      } else if (plan.counts_only()) {
+        plan.count_loss();
       } else {
         plan.lose(info.locator, name_of(info.patch, layer) + ": " + faults[i], info.patch, layer);
       }
@@ -130,8 +178,7 @@ struct Recovery::State {
     plan.layers.resize(kept);
   }
 
-  std::string fault_of(const Chosen& chosen) const {
-    thread_local Layer layer;
+  std::string fault_of(const Chosen& chosen, Layer& layer) const {
     try {
       load(chosen, layer);
       return {};

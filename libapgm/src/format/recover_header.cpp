@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <iterator>
 
 #include "content_id.hpp"
 #include "map_header.hpp"
@@ -34,34 +35,49 @@ void RecoverPlan::find_newest() {
 
 std::string RecoverPlan::stated_id() const { return footer_ ? to_hex(footer_->content_id) : std::string(); }
 
-const FoundBlock* RecoverPlan::named_header(const Footer& footer) {
-  const auto find = [&]() -> const FoundBlock* {
-    const auto at = std::ranges::find(salvage_.headers, footer.header_hash, &FoundBlock::payload_hash);
-    return at == salvage_.headers.end() ? nullptr : &*at;
+/// The header that the newest footer names; and of the headers of each commit the last.
+void RecoverPlan::find_headers() {
+  std::vector<FoundBlock>& headers = salvage_.headers;
+  const auto named = [&] {
+    return std::ranges::find(headers, footer_->header_hash, &FoundBlock::payload_hash);
   };
-  if (const FoundBlock* there = find()) return there;
-  if (!salvage_.find_header(footer.header_offset, footer.header_bytes, footer.header_hash, footer.commits)) {
-    return nullptr;
+  if (footer_) {
+    if (named() == headers.end()) {
+      salvage_.find_header(footer_->header_offset, footer_->header_bytes, footer_->header_hash,
+                           footer_->commits);
+    }
+    if (const auto at = named(); at != headers.end()) named_header_ = *at;
   }
-  return find();
+  for (const FoundBlock& block : headers) header_of_[block.commit] = block;
 }
 
 const FoundBlock* RecoverPlan::header_of(std::uint64_t commit) const {
-  const auto at = std::find_if(salvage_.headers.rbegin(), salvage_.headers.rend(),
-                               [&](const FoundBlock& block) { return block.commit == commit; });
-  return at == salvage_.headers.rend() ? nullptr : &*at;
+  const auto at = header_of_.find(commit);
+  return at == header_of_.end() ? nullptr : &at->second;
 }
 
 const FoundBlock* RecoverPlan::newest_header(std::uint64_t up_to) const {
-  const FoundBlock* newest = nullptr;
-  for (const FoundBlock& block : salvage_.headers) {
-    if (block.commit <= up_to && (newest == nullptr || block.commit >= newest->commit)) newest = &block;
-  }
-  return newest;
+  const auto after = header_of_.upper_bound(up_to);
+  return after == header_of_.begin() ? nullptr : &std::prev(after)->second;
 }
 
 MapHeader RecoverPlan::read_header(const FoundBlock& block) const {
   return read_map_header(salvage_.block(block.offset, block.bytes));
+}
+
+/// Many roots may ask for one header: that of the footer, or that of their commit, by which they are sorted.
+const MapHeader* RecoverPlan::remembered_header(const FoundBlock& block) {
+  const bool named = named_header_ && named_header_->offset == block.offset;
+  Remembered& slot = remembered_[named ? 0 : 1];
+  if (slot.offset == block.offset) return slot.header ? &*slot.header : nullptr;
+  slot = {block.offset, std::nullopt};
+  try {
+    slot.header = read_header(block);
+  } catch (const Error& e) {
+    if (e.code() == ErrorCode::kUnreadable) throw;
+    return nullptr;
+  }
+  return &*slot.header;
 }
 
 /// The newest index whose root is there, with a header that fits it.
@@ -71,8 +87,9 @@ bool RecoverPlan::find_root() {
     return std::pair(a.commit, a.offset) > std::pair(b.commit, b.offset);
   });
   for (const FoundBlock& root : roots) {
+    check_cancelled();
     const FoundBlock* block = nullptr;
-    if (footer_ && footer_->root_hash == root.payload_hash) block = named_header(*footer_);
+    if (footer_ && named_header_ && footer_->root_hash == root.payload_hash) block = &*named_header_;
     if (block == nullptr) block = header_of(root.commit);
     if (block == nullptr && options_.header == nullptr) block = newest_header(root.commit);
     if (use_root(root, block, options_.header)) return true;
@@ -82,12 +99,13 @@ bool RecoverPlan::find_root() {
 
 bool RecoverPlan::use_root(const FoundBlock& found, const FoundBlock* header_block, const MapHeader* given) {
   if (header_block == nullptr && given == nullptr) return false;
+  const MapHeader* map_header = header_block != nullptr ? remembered_header(*header_block) : given;
+  if (map_header == nullptr) return false;
   try {
-    MapHeader map_header = header_block != nullptr ? read_header(*header_block) : *given;
     constexpr std::uint64_t kAnywhere = std::uint64_t{1} << 62;  // places are found by hash
-    root_ = read_root(salvage_.block(found.offset, found.bytes), kAnywhere, map_header.types.size());
+    root_ = read_root(salvage_.block(found.offset, found.bytes), kAnywhere, map_header->types.size());
     root_commit_ = found.commit;
-    header = std::move(map_header);
+    header = *map_header;
     took_header(header_block);
     return true;
   } catch (const Error& e) {
@@ -97,13 +115,13 @@ bool RecoverPlan::use_root(const FoundBlock& found, const FoundBlock* header_blo
 }
 
 void RecoverPlan::use_header_alone() {
-  const FoundBlock* block = footer_ ? named_header(*footer_) : nullptr;
+  const FoundBlock* block = named_header_ ? &*named_header_ : nullptr;
   if (block == nullptr) block = header_of(newest_);
   if (block == nullptr && options_.header == nullptr) block = newest_header(newest_);
   if (block == nullptr && options_.header == nullptr) {
-    throw Error(ErrorCode::kDamaged, "'" + file_.path() + "' is damaged: no map header is left in it")
-        .hint("another map with the same frame and layer types can stand in for it")
-        .at(file_.path());
+    HeaderLost error(ErrorCode::kDamaged, "'" + file_.path() + "' is damaged: no map header is left in it");
+    error.hint("another map with the same frame and layer types can stand in for it").at(file_.path());
+    throw error;
   }
   header = block != nullptr ? read_header(*block) : *options_.header;
   took_header(block);

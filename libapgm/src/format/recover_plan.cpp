@@ -1,19 +1,16 @@
 #include "recover_plan.hpp"
 
 #include <algorithm>
+#include <iterator>
 #include <map>
 #include <tuple>
 #include <unordered_map>
 
 #include "content_id.hpp"
 #include "located.hpp"
-#include "map_header.hpp"
 
 namespace apgm::format {
 namespace {
-
-/// Layer types of this many commits are looked up; of older ones they are taken to be the same.
-constexpr std::size_t kMaxTables = 64;
 
 Chosen chosen(const FoundLayer& layer, std::uint16_t type) {
   Chosen c{layer.info, layer.key, layer.commit};
@@ -27,18 +24,15 @@ auto place_of(const FoundLayer& l) {
   return std::tuple(l.key, l.info.type, l.payload_hash, l.commit, l.info.locator);
 }
 
-bool same_meaning(const LayerType& a, const LayerType& b) {
-  if (!a.same_space(b)) return false;
-  return (a.policy == Policy::kSum) == (b.policy == Policy::kSum);
-}
-
 }  // namespace
 
 void RecoverPlan::make() {
   find_newest();
+  find_headers();
   if (!find_root()) use_header_alone();
   report_.index = root_.has_value() && root_commit_ == newest_;
   std::ranges::sort(salvage_.layers, {}, place_of);
+  std::ranges::sort(salvage_.broken, {}, &Broken::offset);
   read_tables();
   if (root_) take_index();
   take_unindexed();
@@ -52,48 +46,13 @@ void RecoverPlan::make() {
   layers.erase(std::unique(layers.begin(), layers.end(), same), layers.end());
 }
 
-void RecoverPlan::read_tables() {
-  for (auto block = salvage_.headers.rbegin(); block != salvage_.headers.rend(); ++block) {
-    if (tables_.size() == kMaxTables) break;
-    try {
-      tables_.emplace_back(block->commit, read_header(*block).types);
-    } catch (const Error& e) {
-      if (e.code() == ErrorCode::kUnreadable) throw;
-    }
-  }
-  if (tables_.empty()) tables_.emplace_back(newest_, header.types);
-}
-
-/// A layer's type counts in the table of its commit. Where that is lost, it is known only if all others
-/// agree.
-std::optional<std::uint16_t> RecoverPlan::type_in_map(const FoundLayer& layer) const {
-  const LayerType* type = nullptr;
-  for (const auto& [commit, table] : tables_) {
-    const bool own = commit == layer.commit;
-    if (layer.info.type >= table.size()) {
-      if (own) return std::nullopt;
-      continue;
-    }
-    const LayerType& here = table[layer.info.type];
-    if (own) {
-      type = &here;
-      break;
-    }
-    if (type != nullptr && !same_meaning(*type, here)) return std::nullopt;
-    type = &here;
-  }
-  if (type == nullptr) return std::nullopt;
-  const auto id = header.types.find(type->name);
-  if (!id || !same_meaning(header.types[*id], *type)) return std::nullopt;
-  return id;
-}
-
 void RecoverPlan::take_index() {
   constexpr std::uint64_t kAnywhere = std::uint64_t{1} << 62;
   std::unordered_map<std::uint64_t, FoundBlock> pages;
   for (const FoundBlock& page : salvage_.pages) pages.emplace(page.payload_hash, page);
   std::vector<IndexEntry> entries;
   for (const fbs::PageRef& ref : root_->pages) {
+    check_cancelled();
     const auto page = pages.find(ref.hash());
     try {
       if (page == pages.end()) throw Error(ErrorCode::kDamaged, "the page is lost");
@@ -172,16 +131,25 @@ void RecoverPlan::add_unindexed(const FoundLayer& layer, std::uint16_t type) {
   if (was_named || in_lost_page(layer.key)) unindexed_.push_back(chosen(layer, type));
 }
 
+/// What is broken does not overlap.
 std::string RecoverPlan::why_missing(std::uint64_t offset) const {
-  for (const Broken& b : salvage_.broken) {
-    if (offset >= b.offset && offset - b.offset < b.bytes) return b.why;
+  const auto after = std::ranges::upper_bound(salvage_.broken, offset, {}, &Broken::offset);
+  if (after != salvage_.broken.begin()) {
+    const Broken& b = *std::prev(after);
+    if (offset - b.offset < b.bytes) return b.why;
   }
   return offset >= file_.size() ? "the file ends before it" : "its block is not there";
 }
 
+void RecoverPlan::check_cancelled() const {
+  if (options_.cancel != nullptr && options_.cancel->load(std::memory_order_relaxed)) {
+    throw Error(ErrorCode::kCancelled, "cancelled");
+  }
+}
+
 void RecoverPlan::lose(std::uint64_t offset, std::string text, std::optional<PatchIndex> patch,
                        std::string layer) {
-  ++report_.loss_count;
+  count_loss();
   if (report_.losses.size() < options_.max_losses) {
     report_.losses.push_back({std::move(text), offset, patch, std::move(layer)});
   }
@@ -197,11 +165,16 @@ bool RecoverPlan::is_complete() const {
 
 void RecoverPlan::tell_losses() {
   for (const LostEntry& entry : lost_entries_) {
+    if (counts_only()) {
+      count_loss();
+      continue;
+    }
     const std::string& layer = header.types[entry.order.second].name;
     std::string text = name_of(entry.patch, layer) + ": " + why_missing(entry.offset);
     if (entry.kept_commit) text += "; its state of commit " + std::to_string(*entry.kept_commit) + " is kept";
     lose(entry.offset, std::move(text), entry.patch, layer);
   }
+  check_cancelled();
   if (!is_complete()) tell_unlisted();
 }
 
@@ -212,6 +185,10 @@ void RecoverPlan::tell_unlisted() {
   for (const Broken& b : salvage_.broken) {
     if (b.kind != Kind::kLayer || b.bytes == 0) continue;
     if (has_index && !in_lost_page(b.key)) continue;
+    if (counts_only()) {
+      count_loss();
+      continue;
+    }
     const PatchIndex patch = patch_of_key(b.key);
     lose(b.offset,
          "a layer of patch (" + std::to_string(patch.x) + "," + std::to_string(patch.y) + "): " + b.why,

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <array>
+#include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -31,6 +34,11 @@ class RecoverPlan {
   void tell_losses();
   void lose(std::uint64_t offset, std::string text, std::optional<PatchIndex> patch = {},
             std::string layer = {});
+  /// True once no more losses are told of; what it takes to name one can then be spared.
+  bool counts_only() const { return report_.losses.size() >= options_.max_losses; }
+  void count_loss() { ++report_.loss_count; }
+  /// @throws Error{kCancelled}
+  void check_cancelled() const;
   /// Content id that the newest footer states; empty: none is whole.
   std::string stated_id() const;
 
@@ -45,6 +53,10 @@ class RecoverPlan {
     std::uint64_t offset;
     std::optional<std::uint64_t> kept_commit;  // an older state stands in
   };
+  struct Remembered {
+    std::uint64_t offset = 0;         // 0: none
+    std::optional<MapHeader> header;  // none: it cannot be used
+  };
   struct LostPage {
     std::uint64_t offset, first_key, last_key, entries;
   };
@@ -54,15 +66,19 @@ class RecoverPlan {
   bool find_root();
   bool use_root(const FoundBlock& root, const FoundBlock* header_block, const MapHeader* given);
   void use_header_alone();
-  const FoundBlock* named_header(const Footer& footer);
+  void find_headers();
   const FoundBlock* header_of(std::uint64_t commit) const;
   const FoundBlock* newest_header(std::uint64_t up_to) const;
   MapHeader read_header(const FoundBlock& block) const;
+  const MapHeader* remembered_header(const FoundBlock& block);
   void took_header(const FoundBlock* block);
 
-  // recover_plan.cpp: the layers.
+  // recover_types.cpp: what the types of a commit are in the map.
   void read_tables();
+  void read_table(std::uint64_t commit, const TypeTable& types);
   std::optional<std::uint16_t> type_in_map(const FoundLayer& layer) const;
+
+  // recover_plan.cpp: the layers.
   void take_index();
   void take_entry(const IndexEntry& entry);
   void take_unindexed();
@@ -82,7 +98,17 @@ class RecoverPlan {
   std::uint64_t newest_ = 0;      // commit
   std::optional<Root> root_;
   std::uint64_t root_commit_ = 0;
-  std::vector<std::pair<std::uint64_t, TypeTable>> tables_;  // by commit, of the map headers that are whole
+  std::optional<FoundBlock> named_header_;         // by the newest footer
+  std::map<std::uint64_t, FoundBlock> header_of_;  // by commit, its last
+  std::array<Remembered, 2> remembered_;           // the named one, another
+  using Numbers = std::vector<std::uint16_t>;      // by type of a commit: its number in the map, or kNoType
+  std::set<Numbers> tables_;                       // each once
+  std::map<std::uint64_t, const Numbers*> table_of_;  // by commit
+  struct Agreed {
+    LayerType type;
+    bool differs = false;
+  };
+  std::map<std::uint16_t, Agreed> agreed_;  // what all tables say of a number
   std::vector<Chosen> unindexed_;
   std::vector<LostEntry> lost_entries_;
   std::vector<LostPage> lost_pages_;

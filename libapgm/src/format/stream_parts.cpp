@@ -31,7 +31,8 @@ Parts::Group Parts::shape_of(const Block& part, const PartHead& head, std::uint6
     fail("a part is of the wrong size");
   group.share = is_last ? (head.bytes - size) / others : size;
   // No product overflows: the share is below 2^33, the count below 2^32 and at most the whole is compared.
-  if (group.share == 0 || (head.bytes - 1) / group.share != others || (is_last && size > group.share)) {
+  if (group.share == 0 || group.share % 8 != 0 || (head.bytes - 1) / group.share != others ||
+      (is_last && size > group.share)) {
     fail("a part is of the wrong size");
   }
   return group;

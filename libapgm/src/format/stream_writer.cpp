@@ -22,9 +22,7 @@ constexpr std::uint64_t kHeaderShare = 16;
 constexpr std::size_t kPartOverhead = sizeof(BlockHeader) + sizeof(PartHead);
 
 void check(const StreamOptions& options) {
-  if (options.level < 1 || options.level > 19) {
-    throw Error(ErrorCode::kInvalidArgument, "a compression level lies in 1..19");
-  }
+  check_level(options.level);
   if (options.mtu_bytes != 0 && options.mtu_bytes < StreamOptions::kLeastMtu) {
     throw Error(ErrorCode::kInvalidArgument,
                 "blocks of " + std::to_string(options.mtu_bytes) + " bytes are too small for a stream")

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <bit>
 #include <span>
 
 #include "commits.hpp"
@@ -25,6 +26,15 @@ std::uint64_t digest_of_tables(const MapHeader& header) {
     parts.push_back(static_cast<std::uint64_t>(type.policy));
   }
   return hash_of(std::as_bytes(std::span(parts)));
+}
+
+/// Of what a type's stored cells stand for, background included: where it differs, no block is shared.
+std::uint64_t digest_of_meaning(const LayerType& type) {
+  std::vector<std::uint64_t> parts{space_hash(type)};
+  for (int c = 0; c < static_cast<int>(type.channels.size()); ++c) {
+    parts.push_back(std::bit_cast<std::uint32_t>(type.background(c)));
+  }
+  return hash_of(std::as_bytes(std::span(parts))) | 1;
 }
 
 }  // namespace
@@ -136,6 +146,8 @@ bool Verification::check_pages(const Root& root, const Footer& footer, const Map
   bool all = true;
   std::vector<std::byte> bytes;
   std::vector<IndexEntry> entries;
+  std::vector<std::uint64_t> meanings;
+  for (const LayerType& type : header.types) meanings.push_back(digest_of_meaning(type));
   for (const fbs::PageRef& ref : root.pages) {
     check_cancelled();
     if (!named_block(ref.offset(), ref.bytes(), ref.hash(), Kind::kIndexPage, "an index page")) {
@@ -159,7 +171,7 @@ bool Verification::check_pages(const Root& root, const Footer& footer, const Map
     }
     for (const IndexEntry& e : entries) add_entry(e, header, totals);
     if (!pages_.insert({ref.offset(), ref.hash(), tables}).second) continue;
-    for (const IndexEntry& e : entries) check_entry(e, header.types[e.type]);
+    for (const IndexEntry& e : entries) check_entry(e, header.types[e.type], meanings[e.type]);
   }
   return all;
 }
@@ -185,7 +197,7 @@ void Verification::add_entry(const IndexEntry& e, const MapHeader& header, Commi
 }
 
 /// Against the block it names.
-void Verification::check_entry(const IndexEntry& e, const LayerType& type) {
+void Verification::check_entry(const IndexEntry& e, const LayerType& type, std::uint64_t meaning) {
   const PatchIndex patch{e.ix, e.iy};
   const auto wrong = [&](std::string_view what) {
     problem(e.offset, name_of(patch, type.name) + ": " + std::string(what), patch, type.name);
@@ -206,8 +218,11 @@ void Verification::check_entry(const IndexEntry& e, const LayerType& type) {
     } else if (seen->bytes != e.stored_bytes || seen->payload_hash != e.stored_hash || seen->key != e.key ||
                (!seen->newer && seen->facts != facts_of(info_of(e)))) {
       fault = "the block is not the one the index names";
+    } else if (seen->meaning != 0 && seen->meaning != meaning) {
+      fault = "commits share the block under types that differ";
     }
   }
+  seen->meaning = meaning;
   if (fault != nullptr) {
     seen->told = true;
     return wrong(fault);

@@ -30,6 +30,7 @@ struct Seen {
   std::uint64_t key = 0;
   std::uint64_t facts = 0;  ///< of a layer: digest of what its index entry must say
   std::uint64_t commit = 0;
+  std::uint64_t meaning = 0;    ///< of a layer that an entry names, digest of its type; 0: none yet
   const char* fault = nullptr;  ///< what is wrong with it, nullptr: nothing
   std::uint32_t space = 0;      ///< of a layer that was decoded, the kind of cells it was taken for
   Kind kind{};                  ///< 0: no block
@@ -110,7 +111,7 @@ class Verification {
   const KnownRoot& check_root(const Footer& footer, std::uint64_t tables);
   void read_index(const Footer& footer, std::uint64_t tables, KnownRoot& known);
   void add_entry(const IndexEntry& entry, const MapHeader& header, CommitTotals& totals);
-  void check_entry(const IndexEntry& entry, const LayerType& type);
+  void check_entry(const IndexEntry& entry, const LayerType& type, std::uint64_t meaning);
   bool check_pages(const Root& root, const Footer& footer, const MapHeader& header, std::uint64_t tables,
                    CommitTotals& totals);
   void check_totals(const FooterAt& at, const KnownRoot& root);

@@ -18,7 +18,7 @@ namespace {
 
 constexpr const char* kBaseKey = "apgm.base";
 constexpr const char* kResultKey = "apgm.result";
-constexpr const char* kGoneKey = "apgm.gone";
+constexpr std::array kKeys{kBaseKey, kResultKey, kGoneKey};
 
 [[noreturn]] void fail(ErrorCode code, const std::string& message, const std::string& hint = {}) {
   throw Error(code, message).hint(hint);
@@ -81,8 +81,11 @@ std::vector<MapChanges::Gone> gone_by_name(const ChangesSource& changes) {
 }
 
 bool holds_changes(const MapHeader& header) {
-  return std::ranges::any_of(std::array{kBaseKey, kResultKey, kGoneKey},
-                             [&](const char* key) { return header.metadata.contains(key); });
+  return std::ranges::any_of(kKeys, [&](const char* key) { return header.metadata.contains(key); });
+}
+
+void drop_changes(MapHeader& header) {
+  for (const char* key : kKeys) header.metadata.erase(key);
 }
 
 void check_base(const PatchSource& base, const std::string& base_id, const std::string& result_id,
@@ -205,10 +208,12 @@ AppliedSource::AppliedSource(const PatchSource& base, const PatchSource& delta, 
   state_->summary = totals_of(*this);
   const std::string id = content_id_of(*this);
   if (id == state_->result_id) return;
-  fail(ErrorCode::kDamaged,
-       quoted(names.delta) + " on " + quoted(names.base) + " gives content " + id + ", not " +
-           state_->result_id + " as it says: one of both is damaged",
-       "'apgm-verify' finds out which");
+  fail(
+      ErrorCode::kDamaged,
+      quoted(names.delta) + " is not the delta it says it is: on " + quoted(names.base) +
+          " it gives content " + id + ", not " + state_->result_id,
+      "a part of a delta, or one changed, is none: take the one apgm-diff wrote; 'apgm-verify' tells whether "
+      "a file is damaged");
 }
 
 AppliedSource::~AppliedSource() = default;

@@ -1,5 +1,6 @@
 #include "apgm/ops/crop.hpp"
 
+#include "apgm/ops/apply.hpp"
 #include "provenance.hpp"
 #include "region.hpp"
 #include "transfer.hpp"
@@ -80,6 +81,7 @@ MapHeader crop_header(const PatchSource& source, const CropRegion& region, const
   check_like(source, region);
   const ops::Region checked(region, options.snap, source.header().frame);
   MapHeader header = source.header();
+  drop_changes(header);
   header.types = chosen_types(header.types, options.layers);
   Provenance step{"crop", {ops::input_id(source)}, parameters_json(region, options)};
   if (region.like != nullptr) step.inputs.push_back(ops::input_id(*region.like));

@@ -2,6 +2,7 @@
 #include <utility>
 
 #include "apgm/fuse/regrid.hpp"
+#include "apgm/ops/apply.hpp"
 #include "provenance.hpp"
 #include "resample_state.hpp"
 #include "resample_view.hpp"
@@ -167,6 +168,7 @@ ResamplePlan::ResamplePlan(const PatchSource& source, ResampleOptions options) {
   const ResampleOptions& wanted = state->options;
   MapHeader& header = state->header;
   header = source.header();
+  drop_changes(header);
   choose(header.types, *state);
   state->source = &source;
   const auto adapt = [&](std::unique_ptr<PatchSource> adapter) {

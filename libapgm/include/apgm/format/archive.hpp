@@ -23,6 +23,13 @@ struct ArchiveOptions {
   int level = 3;  ///< zstd, 1..19
 };
 
+/// What lies after an archive's last commit: of an append that was interrupted, or of a commit whose end was
+/// damaged since; they look the same. `Recovery` of a copy tells what it holds.
+struct TornEnd {
+  std::uint64_t bytes = 0;
+  std::uint64_t layers = 0;  ///< that are whole
+};
+
 struct CommitOptions {
   std::string message = {};            ///< UTF-8; may be empty
   std::vector<std::string> tags = {};  ///< names to give the commit, taken from others that have them
@@ -41,13 +48,15 @@ struct CommitReport {
 /// Adds one commit to an archive (docs/archive.md): takes the layers that changed since the last one, shares
 /// the others. Memory: a page of the index at a time.
 ///
-/// Guarantees: the archive holds the new commit after `finish`, flushed to the disk, and is as it was before
-/// if anything fails or the writer is destroyed before; also if the power fails in between. One writer at a
+/// Guarantees: the archive holds the new commit after `finish`, flushed to the disk, and is as it was before,
+/// but for a torn end, if anything fails or the writer is destroyed before; also if the power fails in
+/// between. The exception: where flushing the commit's last bytes fails and they cannot be taken back either,
+/// or the process or the power ends there, the commit may be found whole later. One writer at a
 /// time: the archive is locked from construction on; readers are never in the way. Thread rule: `pack` from
 /// any thread, the rest from one.
 class ArchiveWriter final : public PatchSink, public WorkingMemory {
  public:
-  /// Locks the archive, and cuts off what an interrupted append left.
+  /// Locks the archive. What an interrupted append left stays until `begin` has checked its arguments.
   /// @throws Error as Reader; {kOutput} if it is missing (without `create`), may not be written, or another
   ///         writes to it; {kIncompatible} if it is a sealed map, or its last commit is not the expected one;
   ///         {kInvalidArgument} on the level
@@ -56,6 +65,8 @@ class ArchiveWriter final : public PatchSink, public WorkingMemory {
 
   /// The last commit; nullptr in a new archive.
   const Reader* last() const;
+  /// What `begin` cuts off.
+  TornEnd torn() const;
 
   /// Must be called once, before the first `put`.
   /// @param header  of the new commit, with all its types; `apgm.archive.*` in its metadata is left out
@@ -82,13 +93,15 @@ class ArchiveWriter final : public PatchSink, public WorkingMemory {
 
 /// Gives a commit a name, or another name's commit that name. Adds a few hundred bytes and the map's header.
 /// @param number  0: the last commit
+/// @param torn    if not null: what was cut off
 /// @return        the number
 /// @throws Error as ArchiveWriter; {kInvalidArgument} if the name is not `[A-Za-z_][A-Za-z0-9_.+-]*` of 1 to
 /// 64
 ///         bytes, or there is no such commit
-std::uint64_t tag_commit(const std::string& archive, const std::string& name, std::uint64_t number = 0);
+std::uint64_t tag_commit(const std::string& archive, const std::string& name, std::uint64_t number = 0,
+                         TornEnd* torn = nullptr);
 /// Takes a name away. @throws Error{kInvalidArgument} if no commit has it
-void remove_tag(const std::string& archive, const std::string& name);
+void remove_tag(const std::string& archive, const std::string& name, TornEnd* torn = nullptr);
 
 struct CompactOptions {
   std::uint64_t keep = 0;   ///< how many of the newest commits stay, besides those with tags; 0: all
@@ -100,12 +113,14 @@ struct CompactOptions {
 struct CompactReport {
   std::uint64_t commits_before = 0, commits = 0;
   std::uint64_t file_bytes_before = 0, file_bytes = 0;
+  TornEnd torn = {};  ///< what was left out after the last commit
 };
 
 /// Writes an archive anew: without commits that are not kept, torn ends and replaced headers; layers in index
 /// order, equal ones once. Numbers, content ids, messages and tags stay. The new file appears whole or not at
-/// all. Memory: some 100 bytes for each layer that is written.
-/// @throws Error as ArchiveWriter
+/// all, and no commit of it has another content id than its layers. Memory: some 120 bytes for each layer
+/// that is written.
+/// @throws Error as ArchiveWriter; {kDamaged} if a commit that is kept is not what its content id says
 CompactReport compact_archive(const std::string& archive, const CompactOptions& options = {});
 
 /// True if a text may be a tag.

@@ -6,6 +6,9 @@
 
 namespace apgm {
 
+/// The key of the list of what is gone, in the metadata of a message of changes.
+inline constexpr const char* kGoneKey = "apgm.gone";
+
 /// Puts what is gone into the metadata of a message of changes (docs/format.md, "Well-known metadata"),
 /// instead of what is there.
 /// @throws Error{kInvalidArgument} if `gone` is not in order, or of no type of the header; {kLimit} if it

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "apgm/core/error.hpp"
 #include "apgm/core/source.hpp"
 
 namespace apgm {
@@ -32,17 +33,27 @@ struct Loss {
 };
 
 struct RecoverReport {
-  std::uint64_t commit = 0;             ///< whose state this is, as far as it is there
-  bool index = false;                   ///< an index said which layers belong to it
-  std::uint64_t layers = 0;             ///< that are whole
-  std::uint64_t repaired = 0;           ///< blocks of which one flipped bit was found by their checksum
-  std::uint64_t uncommitted_bytes = 0;  ///< of an append that was interrupted; not part of the map
+  std::uint64_t commit = 0;              ///< whose state this is, as far as it is there
+  bool index = false;                    ///< an index said which layers belong to it
+  std::uint64_t layers = 0;              ///< that are whole
+  std::uint64_t repaired = 0;            ///< blocks of which one flipped bit was found by their checksum
+  std::uint64_t uncommitted_bytes = 0;   ///< of an append that was interrupted; not part of the map
+  std::uint64_t uncommitted_layers = 0;  ///< that are whole in it; if there are any, that is a loss
   std::uint64_t loss_count = 0;
   std::vector<Loss> losses;  ///< by offset; the first max_losses
 };
 
+/// No map header is left and none was given: RecoverOptions::header can stand in for it. A kDamaged error.
+class HeaderLost final : public Error {
+ public:
+  using Error::Error;
+};
+
 /// What is left of a damaged .apgm file, as a source: a Writer makes a sound file of it. Of an archive it is
 /// the last commit. docs/reliability.md says how much is saved of what.
+///
+/// A commit of an archive that was not finished is left out, which counts as a loss if layers or an index of
+/// it are whole: it may have been finished, and only its footer be lost.
 ///
 /// Guarantees: nothing is invented: every layer is a block under right checksums whose cells decode and have
 /// their content hash. Where the index is whole it says what belongs to the map; else the newest commit of
@@ -52,9 +63,10 @@ struct RecoverReport {
 class Recovery final : public PatchSource {
  public:
   /// @param path  a file, or "-" for standard input
-  /// @throws Error{kDamaged} if no block is whole, or no map header is left and none is given; {kForeign} if
-  ///         it neither starts as an .apgm file nor holds a block; {kLimit} if the budget does not hold the
-  ///         list of layers; {kUnsupported|kUnreadable|kCancelled}
+  /// @throws Error{kDamaged} if no block is whole, HeaderLost if no map header is left and none is given;
+  ///         {kForeign} if it neither starts as an .apgm file nor holds a block; {kLimit} if the budget does
+  ///         not hold the list of layers, or the largest layer beside it;
+  ///         {kUnsupported|kUnreadable|kCancelled}
   explicit Recovery(const std::string& path, const RecoverOptions& options = {});
   /// Of a file's bytes in memory, which outlive it.
   explicit Recovery(std::span<const std::byte> bytes, const RecoverOptions& options = {});

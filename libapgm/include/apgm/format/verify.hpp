@@ -52,12 +52,12 @@ struct VerifyReport {
 /// Reads the whole file and checks everything docs/format.md says of it (section 2.4), over all commits of an
 /// archive. Goes on after a fault, so that one report names all. Every payload is hashed once, in the cache.
 ///
-/// Guarantees: time linear in the file and the entries its index holds; memory: some 150 bytes a block, and
-/// one layer a thread for `deep`; the same report for any number of threads.
+/// Guarantees: time linear in the file and the entries of each index, however many footers name it; memory:
+/// some 150 bytes a block, and one layer a thread for `deep`; the same report for any number of threads.
 /// @param path  a file, or "-" for standard input
 /// @throws Error{kForeign} if it is no .apgm file, {kUnsupported} if nothing is wrong with it but that this
-///         version cannot read it, {kLimit} if the budget does not hold the list of blocks,
-///         {kUnreadable|kCancelled}
+///         version cannot read it, {kLimit} if the budget does not hold the list of blocks, or for `deep` one
+///         layer, {kUnreadable|kCancelled}
 VerifyReport verify(const std::string& path, const VerifyOptions& options = {});
 /// The same for a file's bytes in memory.
 VerifyReport verify(std::span<const std::byte> bytes, const VerifyOptions& options = {});

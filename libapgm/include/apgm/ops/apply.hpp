@@ -27,6 +27,10 @@ std::vector<MapChanges::Gone> gone_by_name(const ChangesSource& changes);
 /// True if a file with this header is a delta or another message of changes, thus part of a map.
 bool holds_changes(const MapHeader& header);
 
+/// Makes it the header of a map: a part of a delta, or one with other cells, does not lead to the map that
+/// the delta names.
+void drop_changes(MapHeader& header);
+
 struct ApplyNames {
   std::string base = "the base";  ///< for messages
   std::string delta = "the delta";

@@ -33,7 +33,8 @@ struct CropOptions {
   std::vector<std::string> layers;  ///< names; empty: all
 };
 
-/// The header of a crop: that of the source, types filtered by `options.layers`.
+/// The header of a crop: that of the source, types filtered by `options.layers`; of a delta without what
+/// makes it one (drop_changes).
 /// @throws Error{kInvalidArgument} if a named layer does not exist
 MapHeader crop_header(const PatchSource& source, const CropRegion& region, const CropOptions& options);
 
