@@ -189,7 +189,7 @@ class VerifyTool final : public Tool {
       session.note(fmt::format("{} of an append that was interrupted are left out",
                                plural(report.uncommitted_bytes, "byte", "bytes")));
     }
-    for (const Loss& loss : report.losses) session.loss("lost: " + loss.text);
+    for (const Loss& loss : report.losses) session.loss(loss.text);
     if (const auto more = more_text(report.loss_count, report.losses.size()); !more.empty()) {
       session.loss(more);
     }
