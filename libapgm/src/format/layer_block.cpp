@@ -1,5 +1,8 @@
 #include "layer_block.hpp"
 
+#include <array>
+#include <cstring>
+
 #include "apgm/core/error.hpp"
 #include "apgm_generated.h"
 #include "codec.hpp"
@@ -59,10 +62,12 @@ BlockHeader append_layer(std::vector<std::byte>& out, const Parcel& parcel, std:
 
 LayerBlock read_layer_block(const Block& block) {
   if (block.meta.size() > kMaxLayerMeta) fail("the block is malformed");
-  flatbuffers::Verifier verifier(reinterpret_cast<const std::uint8_t*>(block.meta.data()), block.meta.size(),
-                                 8, 64);
+  // A block that was found again after damage, or came down a wire, may lie at any address.
+  alignas(8) std::array<std::uint8_t, kMaxLayerMeta> meta;
+  std::memcpy(meta.data(), block.meta.data(), block.meta.size());
+  flatbuffers::Verifier verifier(meta.data(), block.meta.size(), 8, 64);
   if (!verifier.VerifyBuffer<fbs::Layer>(nullptr)) fail("the block is malformed");
-  const auto& l = *flatbuffers::GetRoot<fbs::Layer>(block.meta.data());
+  const auto& l = *flatbuffers::GetRoot<fbs::Layer>(meta.data());
   LayerBlock layer;
   layer.info.patch = {l.ix(), l.iy()};
   layer.info.type = l.type();

@@ -148,10 +148,12 @@ MapHeader read_map_header(const Block& block) {
   if (!block.body.empty() || block.meta.size() > kMaxHeaderBytes + 8) fail("the map header is malformed");
   constexpr auto kMaxTables =
       static_cast<flatbuffers::uoffset_t>(TypeTable::kMaxTypes + kMaxMetadata + kMaxHistory + 1);
-  flatbuffers::Verifier verifier(reinterpret_cast<const std::uint8_t*>(block.meta.data()), block.meta.size(),
-                                 8, kMaxTables);
+  // A block that came down a wire may lie at any address.
+  const std::vector<std::byte> meta(block.meta.begin(), block.meta.end());
+  flatbuffers::Verifier verifier(reinterpret_cast<const std::uint8_t*>(meta.data()), meta.size(), 8,
+                                 kMaxTables);
   if (!verifier.VerifyBuffer<fbs::MapHeader>(nullptr)) fail("the map header is malformed");
-  const auto& stored = *flatbuffers::GetRoot<fbs::MapHeader>(block.meta.data());
+  const auto& stored = *flatbuffers::GetRoot<fbs::MapHeader>(meta.data());
   if (size_of(stored.types()) > TypeTable::kMaxTypes || size_of(stored.metadata()) > kMaxMetadata ||
       size_of(stored.history()) > kMaxHistory) {
     fail("the map header's lists are too long");
