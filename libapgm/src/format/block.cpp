@@ -2,9 +2,8 @@
 
 #include <algorithm>
 
-#include <xxhash.h>
-
 #include "apgm/core/error.hpp"
+#include "xxh3.hpp"
 
 namespace apgm::format {
 namespace {

@@ -1,6 +1,7 @@
 #include "codec.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 
 #include "codec_body.hpp"
@@ -30,6 +31,17 @@ void decode_constant(Bytes body, Layer& out) {
 }
 
 }  // namespace
+
+bool keeps_rules(const Layer& layer, const LayerType& type) {
+  if (!type.is_evidence()) return is_canonical(layer, type);
+  // Section 1 of docs/format.md.
+  const float low = type.stores_omega() ? std::bit_cast<float>(0x3f7fffefu) : 0.0f;
+  const float high = std::bit_cast<float>(0x3f800008u);
+  std::array<const float*, kMaxChannels> planes{};
+  const auto channels = static_cast<std::size_t>(layer.channels());
+  for (std::size_t c = 0; c < channels; ++c) planes[c] = layer.plane(static_cast<int>(c)).data();
+  return kernels().are_masses(planes.data(), channels, layer.cells(), low, high);
+}
 
 void encode(const Layer& layer, const LayerType& type, int level, Lossy lossy, StoredLayer& out) {
   out.bytes.clear();
@@ -66,7 +78,7 @@ void decode(Encoding encoding, int step, Bytes body, const LayerType& type, Laye
     default:
       fail_body("a layer has an unknown encoding");
   }
-  if (!is_canonical(out, type)) fail_body("a layer holds masses out of range");
+  if (!keeps_rules(out, type)) fail_body("a layer holds masses out of range");
 }
 
 }  // namespace apgm::format

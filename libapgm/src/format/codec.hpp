@@ -24,6 +24,9 @@ inline constexpr std::uint8_t kLastEncoding = 4;
 /// With `lossy`, masses must have been through `quantise`.
 void encode(const Layer& layer, const LayerType& type, int level, Lossy lossy, StoredLayer& out);
 
+/// is_canonical(layer, type), in fewer instructions.
+bool keeps_rules(const Layer& layer, const LayerType& type);
+
 /// Takes every mass to a multiple of 1/255 or 1/65535, the sum kept (largest remainders); real channels stay.
 void quantise(Layer& layer, const LayerType& type, Lossy lossy);
 /// Greatest error of a mass by `quantise`.
@@ -35,6 +38,9 @@ void decode(Encoding encoding, int step, Bytes body, const LayerType& type, Laye
 /// zstd frame of `content` at the end of `out`. Single-threaded, content size present. Returns the frame's
 /// size.
 std::size_t append_frame(std::vector<std::byte>& out, Bytes content, int level);
+/// The same into `room` of at least `frame_bound(content.size())` bytes. Returns the frame's size.
+std::size_t write_frame(std::span<std::byte> room, Bytes content, int level);
+std::size_t frame_bound(std::size_t content_bytes);
 /// Most memory that zstd keeps on a thread for frames of up to so many bytes.
 std::uint64_t frame_memory(std::uint64_t content_bytes, int level);
 /// Decodes one frame that must fill `frame` exactly and hold exactly `out.size()` bytes.

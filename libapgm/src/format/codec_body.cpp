@@ -15,43 +15,60 @@ Scratch& scratch() {
   return s;
 }
 
-void join_planes(Bytes high, Bytes low, std::size_t n, int width, int raw_planes,
-                 std::vector<std::uint32_t>& values) {
-  values.resize(n);
-  std::uint32_t* out = values.data();
+void join_planes(Bytes high, Bytes low, std::size_t n, int width, int raw_planes, std::uint32_t* values) {
   const auto plane = [&](int k) {
     return k >= raw_planes ? high.data() + static_cast<std::size_t>(width - 1 - k) * n
                            : low.data() + static_cast<std::size_t>(raw_planes - 1 - k) * n;
   };
   const auto at = [](const std::byte* p, std::size_t i) { return static_cast<std::uint32_t>(p[i]); };
   if (width == 4) {
-    const std::byte *p3 = plane(3), *p2 = plane(2), *p1 = plane(1), *p0 = plane(0);
-    for (std::size_t i = 0; i < n; ++i)
-      out[i] = at(p3, i) << 24 | at(p2, i) << 16 | at(p1, i) << 8 | at(p0, i);
+    const std::byte* const planes[4] = {plane(0), plane(1), plane(2), plane(3)};
+    kernels().join(planes, n, values);
   } else if (width == 2) {
     const std::byte *p1 = plane(1), *p0 = plane(0);
-    for (std::size_t i = 0; i < n; ++i) out[i] = at(p1, i) << 8 | at(p0, i);
+    for (std::size_t i = 0; i < n; ++i) values[i] = at(p1, i) << 8 | at(p0, i);
   } else {
     const std::byte* p0 = plane(0);
-    for (std::size_t i = 0; i < n; ++i) out[i] = at(p0, i);
+    for (std::size_t i = 0; i < n; ++i) values[i] = at(p0, i);
   }
 }
 
-void keep_smaller(Encoding encoding, std::vector<std::byte>& candidate, StoredLayer& best) {
-  if (!best.bytes.empty() && best.bytes.size() <= candidate.size()) return;
+void keep_smaller(Encoding encoding, std::span<const std::uint32_t> head, bool with_frame_size, Bytes content,
+                  Bytes raw, int level, StoredLayer& best) {
+  const std::size_t head_bytes = head.size_bytes() + (with_frame_size ? sizeof(std::uint32_t) : 0);
+  const std::span<std::byte> body = scratch().body.fit(head_bytes + frame_bound(content.size()));
+  const std::size_t frame_bytes = write_frame(body.subspan(head_bytes), content, level);
+  const std::size_t size = head_bytes + frame_bytes + raw.size();
+  if (!best.bytes.empty() && best.bytes.size() <= size) return;
+  std::memcpy(body.data(), head.data(), head.size_bytes());
+  if (with_frame_size) {
+    const auto stored = static_cast<std::uint32_t>(frame_bytes);
+    std::memcpy(body.data() + head.size_bytes(), &stored, sizeof(stored));
+  }
   best.encoding = static_cast<std::uint8_t>(encoding);
-  best.bytes.swap(candidate);
+  best.bytes.clear();
+  best.bytes.reserve(size);
+  best.bytes.insert(best.bytes.end(), body.begin(),
+                    body.begin() + static_cast<std::ptrdiff_t>(head_bytes + frame_bytes));
+  best.bytes.insert(best.bytes.end(), raw.begin(), raw.end());
 }
 
-std::size_t append_frame(std::vector<std::byte>& out, Bytes content, int level) {
+std::size_t frame_bound(std::size_t content_bytes) { return ZSTD_compressBound(content_bytes); }
+
+std::size_t write_frame(std::span<std::byte> room, Bytes content, int level) {
   thread_local const std::unique_ptr<ZSTD_CCtx, decltype(&ZSTD_freeCCtx)> context(ZSTD_createCCtx(),
                                                                                   &ZSTD_freeCCtx);
   if (context == nullptr) throw std::bad_alloc();
-  const std::size_t start = out.size();
-  out.resize(start + ZSTD_compressBound(content.size()));
-  const std::size_t n = ZSTD_compressCCtx(context.get(), out.data() + start, out.size() - start,
-                                          content.data(), content.size(), level);
+  const std::size_t n =
+      ZSTD_compressCCtx(context.get(), room.data(), room.size(), content.data(), content.size(), level);
   if (ZSTD_isError(n)) throw Error(ErrorCode::kLimit, std::string("zstd: ") + ZSTD_getErrorName(n));
+  return n;
+}
+
+std::size_t append_frame(std::vector<std::byte>& out, Bytes content, int level) {
+  const std::size_t start = out.size();
+  out.resize(start + frame_bound(content.size()));
+  const std::size_t n = write_frame(std::span(out).subspan(start), content, level);
   out.resize(start + n);
   return n;
 }

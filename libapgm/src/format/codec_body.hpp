@@ -2,11 +2,13 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "apgm/core/error.hpp"
 #include "block.hpp"
 #include "codec.hpp"
+#include "codec_kernels.hpp"
 
 namespace apgm::format {
 
@@ -44,14 +46,34 @@ class BodyReader {
   Bytes rest_;
 };
 
+/// Memory that only grows, and is not filled: page faults and zeros cost as much as the work on it.
+template <typename T>
+class Buffer {
+ public:
+  /// Room for `n`. What it held before is lost where it grows.
+  std::span<T> fit(std::size_t n) {
+    if (n > capacity_) {
+      memory_.reset();
+      capacity_ = 0;
+      memory_ = std::make_unique_for_overwrite<T[]>(n);
+      capacity_ = n;
+    }
+    return {memory_.get(), n};
+  }
+
+ private:
+  std::unique_ptr<T[]> memory_;
+  std::size_t capacity_ = 0;
+};
+
 /// Scratch of one thread, reused from layer to layer.
 struct Scratch {
-  std::vector<std::byte> content;
-  std::vector<std::byte> candidate;
-  std::vector<std::uint32_t> values;
-  std::vector<std::uint32_t> tuples;
-  std::vector<std::uint16_t> indices;
-  std::vector<std::uint16_t> slots;
+  Buffer<std::byte> content;  // of a frame, and the planes that are kept raw
+  Buffer<std::byte> body;
+  Buffer<std::uint32_t> values;
+  Buffer<std::uint32_t> tuples;
+  Buffer<std::uint16_t> indices;
+  Buffer<std::uint16_t> slots;
 };
 Scratch& scratch();
 
@@ -63,11 +85,11 @@ void write_plane(const T* values, std::size_t n, int k, std::byte* out) {
 
 /// Joins `width` byte planes of `n` values into `values`: the planes from `raw_planes` up lie in `high`, the
 /// highest first, the others in `low`.
-void join_planes(Bytes high, Bytes low, std::size_t n, int width, int raw_planes,
-                 std::vector<std::uint32_t>& values);
+void join_planes(Bytes high, Bytes low, std::size_t n, int width, int raw_planes, std::uint32_t* values);
 
-/// Swaps `candidate` in if it is smaller than what `best` holds.
-void keep_smaller(Encoding encoding, std::vector<std::byte>& candidate, StoredLayer& best);
+/// Makes a body of `head`, a frame of `content`, and `raw`; keeps it if it is smaller than what `best` holds.
+void keep_smaller(Encoding encoding, std::span<const std::uint32_t> head, bool with_frame_size, Bytes content,
+                  Bytes raw, int level, StoredLayer& best);
 
 // The encodings, each in its own file. The writers keep their result if it is smaller than `best`.
 void try_masked(const Layer& layer, const LayerType& type, int level, Lossy lossy, StoredLayer& best);

@@ -14,87 +14,60 @@ std::uint32_t background_bits(const LayerType& type, int channel) {
 }
 
 /// True if the bytes look like noise: their histogram is as flat as chance makes it.
-bool is_noise(const std::byte* bytes, std::size_t n) {
+bool is_noise(Bytes bytes) {
+  const std::size_t n = bytes.size();
   if (n < 1024) return false;
-  std::array<std::uint32_t, 256> count{};
-  for (std::size_t i = 0; i < n; ++i) ++count[static_cast<std::size_t>(bytes[i])];
+  // Four histograms, so that equal bytes in a row do not wait for each other.
+  std::array<std::array<std::uint32_t, 256>, 4> count{};
+  std::size_t i = 0;
+  for (; i + 8 <= n; i += 8) {
+    std::uint64_t word = 0;
+    std::memcpy(&word, bytes.data() + i, sizeof(word));
+    for (std::size_t k = 0; k < 8; ++k, word >>= 8) ++count[k % 4][word & 0xff];
+  }
+  for (; i < n; ++i) ++count[0][static_cast<std::size_t>(bytes[i])];
   std::uint64_t squares = 0;
-  for (const std::uint64_t c : count) squares += c * c;
+  for (std::size_t b = 0; b < 256; ++b) {
+    const std::uint64_t c = count[0][b] + count[1][b] + count[2][b] + count[3][b];
+    squares += c * c;
+  }
   // For uniform bytes the expected sum of squares is n + n (n - 1) / 256.
   const std::uint64_t m = n;
   return squares * 25'600 <= m * m * 104 + 25'600 * m;
 }
 
+/// The first values whose number of distinct ones counts.
+constexpr std::size_t kSample = 4096;
+
+/// True if most of up to kSample values differ from each other, told fast; false: not known.
+bool mostly_distinct(std::span<const std::uint32_t> values) {
+  std::array<std::uint64_t, 1024> seen{};  // a bit for each of 2^16 hashes
+  std::size_t again = 0;                   // at least as often as a value comes back
+  for (const std::uint32_t v : values) {
+    const std::uint32_t h = v * 0x9e3779b1u >> 16;
+    std::uint64_t& word = seen[h >> 6];
+    again += word >> (h & 63) & 1u;
+    word |= std::uint64_t{1} << (h & 63);
+  }
+  return again * 8 <= values.size();
+}
+
 /// True if whole values come back: then even noisy low bytes hold repeats that zstd finds.
-bool repeats(const std::vector<std::uint32_t>& values) {
-  std::array<std::uint32_t, 4096> sample{};
-  const std::size_t n = std::min(values.size(), sample.size());
-  std::copy_n(values.begin(), n, sample.begin());
-  std::sort(sample.begin(), sample.begin() + static_cast<std::ptrdiff_t>(n));
-  const auto distinct =
-      std::unique(sample.begin(), sample.begin() + static_cast<std::ptrdiff_t>(n)) - sample.begin();
-  return static_cast<std::size_t>(distinct) * 8 < n * 7;
-}
-
-/// Appends the mask of cells with data to `masks` and their values to `values`. Returns how many.
-std::uint32_t pack_channel(std::span<const float> plane, std::uint32_t background,
-                           std::vector<std::byte>& masks, std::vector<std::uint32_t>& values) {
-  const std::size_t start = values.size();
-  const std::size_t mask_start = masks.size();
-  const std::size_t cells = plane.size();
-  values.resize(start + cells);
-  masks.resize(mask_start + mask_bytes(cells));
-  std::uint32_t* out = values.data() + start;
-  for (std::size_t i = 0; i < cells; i += 8) {
-    unsigned mask = 0;
-    const std::size_t end = std::min(cells - i, std::size_t{8});
-    for (std::size_t k = 0; k < end; ++k) {
-      const auto bits = std::bit_cast<std::uint32_t>(plane[i + k]);
-      const unsigned has = bits != background;
-      mask |= has << k;
-      *out = bits;
-      out += has;
-    }
-    masks[mask_start + i / 8] = static_cast<std::byte>(mask);
-  }
-  const auto count = static_cast<std::size_t>(out - (values.data() + start));
-  values.resize(start + count);
-  return static_cast<std::uint32_t>(count);
-}
-
-/// Body of a masked encoding: counts, width, planes kept raw, frame size | frame: masks, high planes | raw
-/// low planes.
-void build_masked(std::span<const std::uint32_t> counts, Bytes masks,
-                  const std::vector<std::uint32_t>& values, int width, int raw_planes, int level,
-                  std::vector<std::byte>& content, std::vector<std::byte>& out) {
-  const std::size_t n = values.size();
-  out.clear();
-  for (const std::uint32_t count : counts) append_value(out, count);
-  append_value(out, static_cast<std::uint32_t>(raw_planes));
-  const std::size_t frame_size_at = out.size();
-  append_value(out, std::uint32_t{0});
-  content.assign(masks.begin(), masks.end());
-  content.resize(masks.size() + n * static_cast<std::size_t>(width - raw_planes));
-  std::byte* plane = content.data() + masks.size();
-  for (int k = width - 1; k >= raw_planes; --k, plane += n) write_plane(values.data(), n, k, plane);
-  const auto frame_bytes = static_cast<std::uint32_t>(append_frame(out, content, level));
-  std::memcpy(out.data() + frame_size_at, &frame_bytes, sizeof(frame_bytes));
-  for (int k = raw_planes - 1; k >= 0; --k) {
-    const std::size_t at = out.size();
-    out.resize(at + n);
-    write_plane(values.data(), n, k, out.data() + at);
-  }
+bool repeats(std::span<const std::uint32_t> values) {
+  values = values.first(std::min(values.size(), kSample));
+  if (mostly_distinct(values)) return false;
+  std::array<std::uint32_t, kSample> sample;
+  const auto end = std::ranges::copy(values, sample.begin()).out;
+  std::sort(sample.begin(), end);
+  const auto distinct = std::unique(sample.begin(), end) - sample.begin();
+  return static_cast<std::size_t>(distinct) * 8 < values.size() * 7;
 }
 
 /// Low planes of float32 values that are noise, 0..2.
-int noisy_planes(const std::vector<std::uint32_t>& values) {
-  std::vector<std::byte>& plane = scratch().candidate;
-  plane.resize(values.size());
+/// @param planes  the four of `n` values, the highest first
+int noisy_planes(Bytes planes, std::size_t n) {
   int noisy = 0;
-  for (; noisy < 2; ++noisy) {
-    write_plane(values.data(), values.size(), noisy, plane.data());
-    if (!is_noise(plane.data(), plane.size())) break;
-  }
+  while (noisy < 2 && is_noise(planes.subspan(static_cast<std::size_t>(3 - noisy) * n, n))) ++noisy;
   return noisy;
 }
 
@@ -103,66 +76,55 @@ std::uint32_t quantum(float value, std::uint32_t levels) {
 }
 
 /// Whole numbers of 1/levels become the bits of their float32 quotient.
-void to_masses(float levels, std::vector<std::uint32_t>& values) {
+void to_masses(float levels, std::span<std::uint32_t> values) {
   for (auto& v : values) v = std::bit_cast<std::uint32_t>(static_cast<float>(v) / levels);
 }
 
-/// Writes `values` into the cells whose mask bit is set. The number of set bits must be `values.size()`.
-void scatter(Bytes mask, std::span<const std::uint32_t> values, float background, std::span<float> plane) {
-  std::ranges::fill(plane, background);
-  const std::uint32_t* v = values.data();
-  const std::size_t whole = plane.size() / 8;
-  for (std::size_t i = 0; i < whole; ++i) {
-    auto bits = static_cast<unsigned>(mask[i]);
-    float* out = plane.data() + i * 8;
-    if (bits == 0xff) {
-      std::memcpy(out, v, 8 * sizeof(float));
-      v += 8;
-      continue;
-    }
-    for (; bits != 0; bits &= bits - 1) out[std::countr_zero(bits)] = std::bit_cast<float>(*v++);
-  }
-  if (whole * 8 < plane.size()) {  // a layer of 1 or 4 cells
-    for (auto bits = static_cast<unsigned>(mask[whole]); bits != 0; bits &= bits - 1) {
-      plane[whole * 8 + static_cast<std::size_t>(std::countr_zero(bits))] = std::bit_cast<float>(*v++);
-    }
-  }
-}
-
 std::size_t count_bits(Bytes mask, std::size_t cells) {
-  std::size_t count = 0;
-  for (const std::byte b : mask) count += static_cast<std::size_t>(std::popcount(static_cast<unsigned>(b)));
   if (cells % 8 != 0 && (static_cast<unsigned>(mask.back()) >> (cells % 8)) != 0)
     fail_body("a mask has bits beyond its cells");
-  return count;
+  return kernels().count_bits(mask.data(), mask.size());
 }
 
 }  // namespace
 
 void try_masked(const Layer& layer, const LayerType& type, int level, Lossy lossy, StoredLayer& best) {
   Scratch& s = scratch();
-  std::vector<std::byte> masks;
-  s.values.clear();
-  std::array<std::uint32_t, kMaxChannels> counts{};
-  for (int c = 0; c < layer.channels(); ++c) {
-    counts[static_cast<std::size_t>(c)] =
-        pack_channel(layer.plane(c), background_bits(type, c), masks, s.values);
+  const auto channels = static_cast<std::size_t>(layer.channels());
+  const std::size_t cells = layer.cells();
+  const std::size_t masks = channels * mask_bytes(cells);
+  // Masks, then byte planes, the highest first: so a frame and the planes kept raw are its two ends.
+  const std::span<std::byte> content = s.content.fit(masks + channels * cells * 4);
+  std::uint32_t* const values = s.values.fit(channels * cells + Kernels::kSlack).data();
+  std::array<std::uint32_t, kMaxChannels + 1> counts{};
+  std::size_t n = 0;
+  for (std::size_t c = 0; c < channels; ++c) {
+    const int channel = static_cast<int>(c);
+    const std::size_t count =
+        kernels().pack(layer.plane(channel).data(), cells, background_bits(type, channel),
+                       content.data() + c * mask_bytes(cells), values + n);
+    counts[c] = static_cast<std::uint32_t>(count);
+    n += count;
   }
-  const auto used = std::span(counts).first(static_cast<std::size_t>(layer.channels()));
+  const auto keep = [&](Encoding encoding, std::size_t width, int raw_planes) {
+    counts[channels] = static_cast<std::uint32_t>(raw_planes);
+    const Bytes all = content.first(masks + n * width);
+    const std::size_t raw = n * static_cast<std::size_t>(raw_planes);
+    keep_smaller(encoding, std::span(counts).first(channels + 1), true, all.first(all.size() - raw),
+                 all.last(raw), level, best);
+  };
   if (lossy != Lossy::kNone && type.is_evidence()) {
-    const std::uint32_t levels = lossy == Lossy::kU8 ? 255 : 65535;
-    for (auto& v : s.values) v = quantum(std::bit_cast<float>(v), levels);
-    build_masked(used, masks, s.values, lossy == Lossy::kU8 ? 1 : 2, 0, level, s.content, s.candidate);
-    keep_smaller(lossy == Lossy::kU8 ? Encoding::kMasked8 : Encoding::kMasked16, s.candidate, best);
-    return;
+    const bool narrow = lossy == Lossy::kU8;
+    for (std::size_t i = 0; i < n; ++i)
+      values[i] = quantum(std::bit_cast<float>(values[i]), narrow ? 255 : 65535);
+    if (!narrow) write_plane(values, n, 1, content.data() + masks);
+    write_plane(values, n, 0, content.data() + masks + (narrow ? 0 : n));
+    return keep(narrow ? Encoding::kMasked8 : Encoding::kMasked16, narrow ? 1 : 2, 0);
   }
-  const int noisy = noisy_planes(s.values);
-  build_masked(used, masks, s.values, 4, noisy, level, s.content, s.candidate);
-  keep_smaller(Encoding::kMasked32, s.candidate, best);
-  if (noisy > 0 && repeats(s.values)) {
-    build_masked(used, masks, s.values, 4, 0, level, s.content, s.candidate);
-    keep_smaller(Encoding::kMasked32, s.candidate, best);
-  }
+  kernels().split(values, n, content.data() + masks);
+  const int noisy = noisy_planes(content.subspan(masks), n);
+  keep(Encoding::kMasked32, 4, noisy);
+  if (noisy > 0 && repeats({values, n})) keep(Encoding::kMasked32, 4, 0);
 }
 
 void decode_masked(Bytes body, int width, const LayerType& type, Layer& out) {
@@ -184,17 +146,18 @@ void decode_masked(Bytes body, int width, const LayerType& type, Layer& out) {
   reader.expect_end();
   Scratch& s = scratch();
   const std::size_t masks = channels * mask_bytes(cells);
-  s.content.resize(masks + n * (static_cast<std::size_t>(width) - raw_planes));
-  read_frame(frame, s.content);
-  join_planes(Bytes(s.content).subspan(masks), low, n, width, static_cast<int>(raw_planes), s.values);
-  if (width < 4) to_masses(width == 1 ? 255.0f : 65535.0f, s.values);
-  std::size_t from = 0;
+  const std::span<std::byte> content =
+      s.content.fit(masks + n * (static_cast<std::size_t>(width) - raw_planes));
+  read_frame(frame, content);
+  std::uint32_t* values = s.values.fit(n + Kernels::kSlack).data();
+  join_planes(content.subspan(masks), low, n, width, static_cast<int>(raw_planes), values);
+  if (width < 4) to_masses(width == 1 ? 255.0f : 65535.0f, {values, n});
   for (std::size_t c = 0; c < channels; ++c) {
-    const Bytes mask = Bytes(s.content).subspan(c * mask_bytes(cells), mask_bytes(cells));
+    const Bytes mask = content.subspan(c * mask_bytes(cells), mask_bytes(cells));
     if (count_bits(mask, cells) != counts[c]) fail_body("a mask does not fit the number of its values");
     const int channel = static_cast<int>(c);
-    scatter(mask, std::span(s.values).subspan(from, counts[c]), type.background(channel), out.plane(channel));
-    from += counts[c];
+    kernels().scatter(mask.data(), values, background_bits(type, channel), out.plane(channel).data(), cells);
+    values += counts[c];
   }
 }
 

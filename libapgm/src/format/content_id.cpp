@@ -2,9 +2,8 @@
 
 #include <vector>
 
-#include <xxhash.h>
-
 #include "content_id.hpp"
+#include "xxh3.hpp"
 
 namespace apgm::format {
 namespace {

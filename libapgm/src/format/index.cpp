@@ -1,6 +1,9 @@
 #include "index.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cstring>
+#include <memory>
 
 #include "apgm/core/error.hpp"
 #include "codec.hpp"
@@ -15,16 +18,43 @@ constexpr int kPageLevel = 3;
 
 [[noreturn]] void fail(const char* what) { throw Error(ErrorCode::kDamaged, what); }
 
-/// Byte k of every entry side by side: out[k * n + i] = in[i * 64 + k]; and back.
-void transpose(const std::byte* in, std::size_t n, std::byte* out) {
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t k = 0; k < sizeof(IndexEntry); ++k) out[k * n + i] = in[i * sizeof(IndexEntry) + k];
+/// Transposes 8 x 8 bytes, a row in each word.
+void transpose_block(std::array<std::uint64_t, 8>& rows) {
+  const auto swap = [&](std::size_t distance, int shift, std::uint64_t mask) {
+    for (std::size_t r = 0; r < 8; ++r) {
+      if ((r & distance) != 0) continue;
+      const std::uint64_t t = (rows[r] >> shift ^ rows[r + distance]) & mask;
+      rows[r] ^= t << shift;
+      rows[r + distance] ^= t;
+    }
+  };
+  swap(4, 32, 0x00000000ffffffff);
+  swap(2, 16, 0x0000ffff0000ffff);
+  swap(1, 8, 0x00ff00ff00ff00ff);
+}
+
+/// Up to 8 bytes; as one word where they are 8.
+void copy_word(void* to, const void* from, std::size_t n) {
+  if (n == 8) {
+    std::memcpy(to, from, 8);
+  } else {
+    std::memcpy(to, from, n);
   }
 }
 
-void transpose_back(const std::byte* in, std::size_t n, std::byte* out) {
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t k = 0; k < sizeof(IndexEntry); ++k) out[i * sizeof(IndexEntry) + k] = in[k * n + i];
+/// out[k * out_stride + i] = in[i * in_stride + k] for i below `rows` and k below `columns`. In blocks of 8 x
+/// 8: byte by byte, columns a power of two apart would push each other out of the cache.
+void transpose(const std::byte* in, std::size_t in_stride, std::size_t rows, std::size_t columns,
+               std::byte* out, std::size_t out_stride) {
+  for (std::size_t i = 0; i < rows; i += 8) {
+    const std::size_t height = std::min<std::size_t>(8, rows - i);
+    for (std::size_t k = 0; k < columns; k += 8) {
+      const std::size_t width = std::min<std::size_t>(8, columns - k);
+      std::array<std::uint64_t, 8> block{};
+      for (std::size_t r = 0; r < height; ++r) copy_word(&block[r], in + (i + r) * in_stride + k, width);
+      transpose_block(block);
+      for (std::size_t c = 0; c < width; ++c) copy_word(out + (k + c) * out_stride + i, &block[c], height);
+    }
   }
 }
 
@@ -62,7 +92,9 @@ fbs::PageRef append_page(std::vector<std::byte>& out, std::uint64_t offset,
   flatbuffers::FlatBufferBuilder fb(64);
   fb.Finish(fbs::CreateIndexPage(fb, n));
   std::vector<std::byte> columns(n * sizeof(IndexEntry));
-  transpose(reinterpret_cast<const std::byte*>(entries.data()), n, columns.data());
+  // Byte k of every entry side by side.
+  transpose(reinterpret_cast<const std::byte*>(entries.data()), sizeof(IndexEntry), n, sizeof(IndexEntry),
+            columns.data(), n);
   std::vector<std::byte> body;
   append_frame(body, columns, kPageLevel);
   const std::size_t start = out.size();
@@ -94,10 +126,11 @@ void read_page(Bytes bytes, const fbs::PageRef& ref, std::uint64_t end, const Ty
   const std::uint32_t n = flatbuffers::GetRoot<fbs::IndexPage>(block.meta.data())->entries();
   if (n != ref.entries() || n < 1 || n > kPageEntries)
     fail("an index page has another number of entries than it says");
-  std::vector<std::byte> columns(n * sizeof(IndexEntry));
-  read_frame(block.body, columns);
+  const auto columns = std::make_unique_for_overwrite<std::byte[]>(n * sizeof(IndexEntry));
+  read_frame(block.body, {columns.get(), n * sizeof(IndexEntry)});
   out.resize(n);
-  transpose_back(columns.data(), n, reinterpret_cast<std::byte*>(out.data()));
+  transpose(columns.get(), n, sizeof(IndexEntry), n, reinterpret_cast<std::byte*>(out.data()),
+            sizeof(IndexEntry));
   for (std::size_t i = 0; i < n; ++i) {
     check_entry(out[i], end, types, root);
     if (i > 0 && std::pair(out[i - 1].key, out[i - 1].type) >= std::pair(out[i].key, out[i].type)) {

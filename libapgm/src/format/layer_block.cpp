@@ -35,7 +35,8 @@ void check_level(int level) {
 
 void pack_layer(Parcel& parcel, const LayerType& type, int level, Lossy lossy) {
   if (parcel.state != Parcel::State::kCells) return;
-  canonicalise(parcel.cells, type);
+  // Most layers need no change, and reading costs less than writing back.
+  if (!keeps_rules(parcel.cells, type)) canonicalise(parcel.cells, type);
   quantise(parcel.cells, type, lossy);
   if (is_vacuous(parcel.cells, type)) {
     parcel.state = Parcel::State::kNothing;

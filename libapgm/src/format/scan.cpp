@@ -7,7 +7,7 @@
 #include <memory>
 #include <new>
 
-#include <xxhash.h>
+#include "xxh3.hpp"
 
 namespace apgm::format {
 namespace {
