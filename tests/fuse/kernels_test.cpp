@@ -7,6 +7,7 @@
 
 #include "apgm/fuse/combine.hpp"
 #include "fuse/combine_loops.hpp"
+#include "fuse/dempster_loops.hpp"
 #include "fuse/resample_loops.hpp"
 #include "layers.hpp"
 
@@ -30,7 +31,7 @@ TEST(Kernels, DempsterClonesGiveTheBytesOfTheBaseCode) {
   for (const std::size_t n : {a.cells(), a.cells() - 1, a.cells() - 7, std::size_t{3}}) {
     const auto total = fuse::dempster_two(pa, pb, {x.plane(0).data(), x.plane(1).data()}, kx.data(), n);
     const auto base =
-        fuse::loop::dempster_two<true>(pa, pb, {y.plane(0).data(), y.plane(1).data()}, ky.data(), n);
+        fuse::loop::dempster_two<true>({pa, pb, {y.plane(0).data(), y.plane(1).data()}, ky.data()}, n);
     EXPECT_EQ(total, base);
     EXPECT_TRUE(same_cells(x, y));
     EXPECT_TRUE(same(kx, ky));
@@ -138,9 +139,18 @@ TEST(Kernels, ResamplingClonesGiveTheBytesOfTheBaseCode) {
     const std::size_t n = in.cells() / 4;
     const fuse::RowPair rows{{o, o + 2 * n}, {f, f + 2 * n}};
     std::vector<float> p(2 * n), q(2 * n);
-    fuse::merge_rows(policy, rows, p.data(), p.data() + n, n);
-    fuse::loop::merge_rows(policy, rows, q.data(), q.data() + n, n);
+    fuse::merge_rows(policy, rows, p.data(), p.data() + n, n, 1);
+    fuse::loop::merge_rows(policy, rows, q.data(), q.data() + n, n, 1);
     EXPECT_TRUE(same(p, q)) << to_string(policy);
+    // As rows of 32, all at once.
+    const fuse::RowPair pairs{{o, o + 64}, {f, f + 64}};
+    fuse::merge_rows(policy, pairs, p.data(), p.data() + n, 32, n / 32);
+    for (std::size_t r = 0; r < n / 32; ++r) {
+      const std::size_t at = 128 * r, to = 32 * r;
+      const fuse::RowPair pair{{o + at, o + at + 64}, {f + at, f + at + 64}};
+      fuse::loop::merge_rows(policy, pair, q.data() + to, q.data() + n + to, 32, 1);
+    }
+    EXPECT_TRUE(same(p, q)) << to_string(policy) << ", rows";
     std::vector<float> s(2 * in.cells()), t(2 * in.cells());
     fuse::split_cells(policy, 3, o, f, s.data(), s.data() + in.cells(), in.cells());
     fuse::loop::split_cells(policy, 3, o, f, t.data(), t.data() + in.cells(), in.cells());

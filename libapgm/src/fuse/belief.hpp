@@ -50,13 +50,15 @@ struct Conjunction {
   float sum = 0;
 };
 
-/// Symmetric to the last bit.
-APGM_INLINE Conjunction conjoin(const Occupancy& a, const Occupancy& b) {
-  const float ao = a.o * kProductScale, af = a.f * kProductScale, au = a.u * kProductScale;
-  const float o = ao * b.o + (ao * b.u + au * b.o);
-  const float f = af * b.f + (af * b.u + au * b.f);
-  const float u = au * b.u;
+/// `a` times kProductScale. Symmetric to the last bit.
+APGM_INLINE Conjunction conjoin_scaled(const Occupancy& a, const Occupancy& b) {
+  const float o = a.o * b.o + (a.o * b.u + a.u * b.o);
+  const float f = a.f * b.f + (a.f * b.u + a.u * b.f);
+  const float u = a.u * b.u;
   return {o, f, u, (o + f) + u};
+}
+APGM_INLINE Conjunction conjoin(const Occupancy& a, const Occupancy& b) {
+  return conjoin_scaled({a.o * kProductScale, a.f * kProductScale, a.u * kProductScale}, b);
 }
 
 /// Dempster's rule (paper, Sec. III-A), divided by the sum of the unnormalised masses in place of 1 - K:

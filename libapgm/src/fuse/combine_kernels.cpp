@@ -1,17 +1,18 @@
 #include "fuse/combine_kernels.hpp"
 
 #include "fuse/combine_loops.hpp"
+#include "fuse/dempster_loops.hpp"
 
 namespace apgm::fuse {
 
 APGM_CLONES std::uint64_t dempster_two(OccupancyPlanes a, OccupancyPlanes b, OccupancyOut out,
                                        std::size_t cells) {
-  return loop::dempster_two<false>(a, b, out, nullptr, cells);
+  return loop::dempster_two<false>({a, b, out, nullptr}, cells);
 }
 
 APGM_CLONES std::uint64_t dempster_two(OccupancyPlanes a, OccupancyPlanes b, OccupancyOut out, float* k,
                                        std::size_t cells) {
-  return loop::dempster_two<true>(a, b, out, k, cells);
+  return loop::dempster_two<true>({a, b, out, k}, cells);
 }
 
 APGM_CLONES void sort_inputs(Rows rows, std::size_t inputs, std::size_t width) {

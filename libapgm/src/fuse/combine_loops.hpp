@@ -10,35 +10,6 @@
 /// Bodies of the kernels, inlined into each clone (and into the tests, which compare the clones with them).
 namespace apgm::fuse::loop {
 
-template <bool kConflict>
-APGM_INLINE std::uint64_t dempster_two(OccupancyPlanes a, OccupancyPlanes b, OccupancyOut out, float* k,
-                                       std::size_t cells) {
-  std::uint64_t total = 0;
-  // In runs, so that the count fits the lanes of the masses.
-  constexpr std::size_t kRun = 1 << 16;
-  for (std::size_t begin = 0; begin < cells; begin += kRun) {
-    const std::size_t end = begin + kRun < cells ? begin + kRun : cells;
-    std::uint32_t dead = 0;
-    APGM_IVDEP
-    for (std::size_t i = begin; i < end; ++i) {
-      const Occupancy x = occupancy(a.o[i], a.f[i]);
-      const Occupancy y = occupancy(b.o[i], b.f[i]);
-      const Conjunction both = conjoin(x, y);
-      const Occupancy z = bounded(dempster(both));
-      if constexpr (kConflict) k[i] = conflict(x, y);
-      const bool x_holds = (x.o != 0.0f) | (x.f != 0.0f);
-      const bool y_holds = (y.o != 0.0f) | (y.f != 0.0f);
-      dead += both.sum == 0.0f ? 1u : 0u;
-      const float o = y_holds ? z.o : x.o;
-      const float f = y_holds ? z.f : x.f;
-      out.o[i] = x_holds ? o : y.o;
-      out.f[i] = x_holds ? f : y.f;
-    }
-    total += dead;
-  }
-  return total;
-}
-
 /// Whole numbers in the order of the floats, for every bit pattern.
 APGM_INLINE std::int32_t order_key(float v) {
   const auto bits = std::bit_cast<std::int32_t>(v);
@@ -142,7 +113,7 @@ APGM_INLINE void bound_masses(float* __restrict acc, std::size_t hypotheses, con
     for (std::size_t x = 0; x < kBlock; ++x) {
       const float room = 1.0f - before[x];
       const float most = room > 0.0f ? room : 0.0f;
-      const float m = (held[x] > 1) & (a[x] > most) ? most : a[x];
+      const float m = ((held[x] > 1) & (a[x] > most)) ? most : a[x];
       before[x] += m;
       a[x] = m;
     }

@@ -4,8 +4,9 @@
 
 namespace apgm::fuse {
 
-APGM_CLONES void merge_rows(Policy policy, const RowPair& in, float* o, float* f, std::size_t n) {
-  loop::merge_rows(policy, in, o, f, n);
+APGM_CLONES void merge_rows(Policy policy, const RowPair& in, float* o, float* f, std::size_t n,
+                            std::size_t rows) {
+  loop::merge_rows(policy, in, o, f, n, rows);
 }
 
 APGM_CLONES void split_cells(Policy policy, int levels, const float* o, const float* f, float* out_o,

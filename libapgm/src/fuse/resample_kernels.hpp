@@ -18,8 +18,9 @@ constexpr bool merges_by_rows(Policy policy) {
          policy == Policy::kProduct;
 }
 
-/// Merges 2x2 cells of a row pair into n cells (docs/theory.md, "Resampling occupancy").
-void merge_rows(Policy policy, const RowPair& in, float* o, float* f, std::size_t n);
+/// Merges 2x2 cells of `rows` row pairs that follow each other into rows of n cells that do so too
+/// (docs/theory.md, "Resampling occupancy").
+void merge_rows(Policy policy, const RowPair& in, float* o, float* f, std::size_t n, std::size_t rows);
 
 /// The value of each of the 4^levels cells that a cell splits into, for n cells. Occupancy policies but
 /// kDempster, which copies.

@@ -50,7 +50,7 @@ APGM_INLINE float merged_free(float o, const float (&co)[4], const float (&cf)[4
 }
 
 template <Policy kPolicy>
-APGM_INLINE void merge_rows(const RowPair& in, float* __restrict o, float* __restrict f, std::size_t n) {
+APGM_INLINE void merge_row(const RowPair& in, float* __restrict o, float* __restrict f, std::size_t n) {
   const float *o0 = in.o[0], *o1 = in.o[1], *f0 = in.f[0], *f1 = in.f[1];
   APGM_IVDEP
   for (std::size_t i = 0; i < n; ++i) {
@@ -62,16 +62,25 @@ APGM_INLINE void merge_rows(const RowPair& in, float* __restrict o, float* __res
   }
 }
 
-APGM_INLINE void merge_rows(Policy policy, const RowPair& in, float* o, float* f, std::size_t n) {
+template <Policy kPolicy>
+APGM_INLINE void merge_rows(const RowPair& in, float* o, float* f, std::size_t n, std::size_t rows) {
+  for (std::size_t r = 0; r < rows; ++r) {
+    const std::size_t at = 4 * n * r;
+    merge_row<kPolicy>({{in.o[0] + at, in.o[1] + at}, {in.f[0] + at, in.f[1] + at}}, o + n * r, f + n * r, n);
+  }
+}
+
+APGM_INLINE void merge_rows(Policy policy, const RowPair& in, float* o, float* f, std::size_t n,
+                            std::size_t rows) {
   switch (policy) {
     case Policy::kExclusive:
-      return merge_rows<Policy::kExclusive>(in, o, f, n);
+      return merge_rows<Policy::kExclusive>(in, o, f, n, rows);
     case Policy::kMin:
-      return merge_rows<Policy::kMin>(in, o, f, n);
+      return merge_rows<Policy::kMin>(in, o, f, n, rows);
     case Policy::kProduct:
-      return merge_rows<Policy::kProduct>(in, o, f, n);
+      return merge_rows<Policy::kProduct>(in, o, f, n, rows);
     default:
-      return merge_rows<Policy::kConditional>(in, o, f, n);
+      return merge_rows<Policy::kConditional>(in, o, f, n, rows);
   }
 }
 
