@@ -7,17 +7,19 @@
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "apgm/core/error.hpp"
+#include "octomap_tree.hpp"
 #include "samples/support/program.hpp"
 
 namespace {
 
 using apgm::Error;
 using apgm::ErrorCode;
+using apgm::bench::read_tree;
+using apgm::bench::write_tree;
 
 constexpr const char* kUsage =
     "usage: octomap-merge A.ot B.ot -o OUT.ot\n"
@@ -39,14 +41,6 @@ class Phases {
   Clock::time_point start_ = Clock::now();
   Clock::time_point last_ = start_;
 };
-
-std::unique_ptr<octomap::OcTree> read_tree(const std::string& path) {
-  std::unique_ptr<octomap::AbstractOcTree> any(octomap::AbstractOcTree::read(path));
-  auto* tree = dynamic_cast<octomap::OcTree*>(any.get());
-  if (tree == nullptr) throw Error(ErrorCode::kUnreadable, "cannot read an octree from '" + path + "'");
-  any.release();
-  return std::unique_ptr<octomap::OcTree>(tree);
-}
 
 /// Leaves above the lowest level stand for all voxels below them.
 void add_leaves(const octomap::OcTree& from, octomap::OcTree& to) {
@@ -82,7 +76,7 @@ void merge(std::vector<std::string> args) {
   phases.done("update");
   a->updateInnerOccupancy();
   phases.done("inner");
-  if (!a->write(output)) throw Error(ErrorCode::kOutput, "cannot write '" + output + "'");
+  write_tree(*a, output);
   phases.done("write");
   phases.total();
 }
