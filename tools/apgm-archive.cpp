@@ -9,6 +9,7 @@
 #include "apgm/format/reader.hpp"
 #include "apgm/format/writer.hpp"
 #include "apgm/ops/copy.hpp"
+#include "apgm/ops/crop.hpp"
 #include "tools/common/archive_commands.hpp"
 #include "tools/common/exit_code.hpp"
 #include "tools/common/options.hpp"
@@ -87,16 +88,27 @@ class CheckoutCommand final : public Tool {
             .summary = "checkout: write a commit of an archive as a map of its own",
             .usage = "checkout [OPTIONS] ARCHIVE -o OUTPUT",
             .details = {"Layers are copied as they are stored: the map is, byte for byte, what was "
-                        "committed, if that was written by the same version at the same level."},
+                        "committed, if that was written by the same version at the same level.",
+                        "With --salvage layers that are damaged are left out, and told. 'apgm-verify "
+                        "--recover' saves more, also where index or header are damaged, but only of the last "
+                        "commit."},
             .examples = {{"apgm-archive checkout site.apgm --at 3 -o then.apgm", "commit 3"},
                          {"apgm-archive checkout site.apgm --at 2026-01-31T12:00:00Z -o then.apgm",
-                          "the map as it was at a time"}},
-            .exit_codes = {archive_output_fails()}};
+                          "the map as it was at a time"},
+                         {"apgm-archive checkout site.apgm --at 3 --salvage -o rest.apgm",
+                          "what is whole of a damaged commit"}},
+            .exit_codes = {
+                {kExitUsage, "the command line cannot be used, or ARCHIVE has no commit that --at means"},
+                {kExitLoss, "written, but damaged layers were left out (--salvage)"},
+                archive_output_fails(),
+                {kExitLimit, "a limit of the format or the budget is met"}}};
   }
 
   void add_options(CLI::App& app) override {
     add_text(app, kArchiveGroup, "--at", at_, "N|TAG|TIME",
              "a number, a tag, or a time: the last commit that is not later (default: the last)");
+    add_switch(app, kArchiveGroup, "--salvage", salvage_,
+               "leave out layers that are damaged, instead of failing");
     output_.add(app);
     heavy_.add(app);
   }
@@ -106,7 +118,7 @@ class CheckoutCommand final : public Tool {
     if (at_ && archive_ == "-") throw usage_error("--at needs an archive that is a file");
     if (at_ && is_number(*at_)) {
       number_ = parse_commit("--at", *at_, 1);
-    } else if (at_ && !is_tag_name(*at_)) {
+    } else if (at_ && !may_be_given(*at_)) {
       time_ns_ = parse_time("--at", *at_);
     }
     heavy_.check();
@@ -124,28 +136,40 @@ class CheckoutCommand final : public Tool {
     WriterOptions options;
     options.output = output_.options();
     Writer writer(output_.path, reader.header(), options);
-    copy(reader, reader.header().types, writer, false, session.run_options(heavy_, "checking out"));
+    copy_layers(session, reader, writer);
     session.check_cancelled();
     writer.finish();
     report_written(session, output_, writer.report());
   }
 
  private:
+  void copy_layers(Session& session, const Reader& reader, Writer& writer) const {
+    const RunOptions run = session.run_options(heavy_, "checking out");
+    if (salvage_) {
+      CropOptions options;
+      options.salvage = true;
+      session.result()["layers_left_out"] = crop(reader, CropRegion(), options, writer, run).salvaged;
+      return;
+    }
+    try {
+      copy(reader, reader.header().types, writer, false, run);
+    } catch (Error& e) {
+      if (e.code() == ErrorCode::kDamaged) e.hint("--salvage keeps the layers of the commit that are whole");
+      throw;
+    }
+  }
+
   std::uint64_t find_commit() const {
     if (!at_ || number_) return number_.value_or(0);
     const std::vector<CommitInfo> commits = Reader(archive_).commits();
-    std::optional<std::int64_t> time = time_ns_;
-    if (!time) {
-      for (const CommitInfo& c : commits) {
-        if (std::ranges::find(c.tags, *at_) != c.tags.end()) return c.number;
-      }
-      if (*at_ == "now") time = parse_time("--at", *at_);
+    for (const CommitInfo& c : commits) {
+      if (!time_ns_ && std::ranges::find(c.tags, *at_) != c.tags.end()) return c.number;
     }
-    for (auto c = commits.rbegin(); time && c != commits.rend(); ++c) {
-      if (c->stamp_ns != 0 && c->stamp_ns <= *time) return c->number;
+    for (auto c = commits.rbegin(); time_ns_ && c != commits.rend(); ++c) {
+      if (c->stamp_ns != 0 && c->stamp_ns <= *time_ns_) return c->number;
     }
     const bool stamped = std::ranges::any_of(commits, [](const CommitInfo& c) { return c.stamp_ns != 0; });
-    const std::string what = !time     ? fmt::format("has no tag '{}'", *at_)
+    const std::string what = !time_ns_ ? fmt::format("has no tag '{}'", *at_)
                              : stamped ? fmt::format("has no commit as early as {}", *at_)
                                        : "has no commit with a time";
     throw Error(ErrorCode::kInvalidArgument, fmt::format("'{}' {}", archive_, what))
@@ -157,6 +181,7 @@ class CheckoutCommand final : public Tool {
   std::optional<std::string> at_;
   std::optional<std::uint64_t> number_;
   std::optional<std::int64_t> time_ns_;
+  bool salvage_ = false;
   OutputChoice output_;
   HeavyOptions heavy_;
 };
@@ -173,7 +198,9 @@ class CompactCommand final : public Tool {
                         "reading the old one."},
             .examples = {{"apgm-archive compact --keep 30 site.apgm",
                           "the last 30 commits, and those that have a tag"}},
-            .exit_codes = {archive_output_fails(), {kExitIncompatible, "ARCHIVE is a sealed map"}}};
+            .exit_codes = {archive_output_fails(),
+                           {kExitLimit, "a limit of the format or the budget is met"},
+                           {kExitIncompatible, "ARCHIVE is a sealed map"}}};
   }
 
   void add_options(CLI::App& app) override {
@@ -181,11 +208,13 @@ class CompactCommand final : public Tool {
              "keep the last N commits and those with a tag (default: all)");
     add_text(app, "Output", "-o,--output", output_, "FILE", "write to another file (default: in place)");
     add_switch(app, "Output", "-O,--overwrite", options_.overwrite, "replace that file");
+    heavy_.add(app);
   }
 
   void check(Session&, const std::vector<std::string>& inputs) override {
     archive_ = archive_operands(inputs, "compact", {"ARCHIVE"}, 1)[0];
     if (keep_) options_.keep = parse_commit("--keep", *keep_, 1);
+    heavy_.check();
     if (options_.overwrite && !output_) throw usage_error("-O is for the file that -o names");
     if (!output_) return;
     if (*output_ == "-") throw usage_error("an archive is not written to standard output", "name a file");
@@ -195,6 +224,9 @@ class CompactCommand final : public Tool {
 
   void run(Session& session) override {
     options_.cancelled = [&] { return cancel_flag().load(); };
+    const RunOptions run = session.run_options(heavy_, "compacting", ProgressUnit::kBytes);
+    options_.max_memory_bytes = run.max_memory_bytes;
+    options_.progress = run.progress;
     session.check_cancelled();
     const CompactReport report = compact_archive(archive_, options_);
     warn_of_cut(session, archive_, report.torn);
@@ -215,6 +247,7 @@ class CompactCommand final : public Tool {
   std::string archive_;
   std::optional<std::string> keep_, output_;
   CompactOptions options_;
+  HeavyOptions heavy_;
 };
 
 class TagCommand final : public Tool {
@@ -238,7 +271,7 @@ class TagCommand final : public Tool {
     const auto names = archive_operands(inputs, "tag", {"ARCHIVE", "NAME", "N"}, 2);
     archive_ = names[0];
     name_ = names[1];
-    check_tag("NAME", name_);
+    if (!delete_) check_tag("NAME", name_);
     if (names.size() < 3) return;
     if (delete_) throw usage_error("--delete takes no number");
     number_ = parse_commit("N", names[2], 1);

@@ -49,7 +49,8 @@ class VerifyTool final : public Tool {
                         "the patch, the layer and the byte; ends with exit code 1 if there is one.",
                         "With --recover what is whole is written to a new file: that of the last commit, of "
                         "which layers that are lost are listed. A single flipped bit is found by its "
-                        "checksum and turned back. Nothing is guessed."},
+                        "checksum and turned back. Nothing is guessed. Older commits of an archive are left "
+                        "out, and counted; 'apgm-archive checkout --salvage' saves one of those."},
             .examples = {{"apgm-verify site.apgm", "is the file as it was written?"},
                          {"apgm-verify --deep site.apgm", "decode every layer too"},
                          {"apgm-verify --recover damaged.apgm -o rest.apgm",
@@ -129,9 +130,12 @@ class VerifyTool final : public Tool {
     const std::string whole =
         fmt::format("{} in {}", plural(report.layers, "layer", "layers"), size_text(report.file_bytes));
     if (report.problem_count > 0) {
-      return fmt::format(
-          "'{}' is damaged: {}; whole are {}\nhint: apgm-verify --recover -o OUTPUT saves them\n", input_,
-          plural(report.problem_count, "fault", "faults"), whole);
+      return fmt::format("'{}' is damaged: {}; whole are {}\nhint: {}\n", input_,
+                         plural(report.problem_count, "fault", "faults"), whole,
+                         report.commits > 1
+                             ? "apgm-verify --recover -o OUTPUT saves those of the last commit, "
+                               "apgm-archive checkout --salvage --at N those of an older one"
+                             : "apgm-verify --recover -o OUTPUT saves them");
     }
     if (report.uncommitted_bytes > 0) {
       return fmt::format(
@@ -175,6 +179,7 @@ class VerifyTool final : public Tool {
 
   static void tell_losses(Session& session, const RecoverReport& report) {
     session.result()["commit"] = report.commit;
+    session.result()["older_commits"] = report.older_commits;
     session.result()["index"] = report.index;
     session.result()["repaired_blocks"] = report.repaired;
     session.result()["uncommitted_bytes"] = report.uncommitted_bytes;
@@ -184,6 +189,13 @@ class VerifyTool final : public Tool {
     if (report.repaired > 0) {
       session.note(
           fmt::format("a flipped bit was turned back in {}", plural(report.repaired, "block", "blocks")));
+    }
+    if (report.older_commits > 0) {
+      session.note(
+          fmt::format("only commit {} is written: {} of the archive {} left out; 'apgm-archive checkout "
+                      "--salvage --at N' saves one",
+                      report.commit, plural(report.older_commits, "older commit", "older commits"),
+                      report.older_commits == 1 ? "is" : "are"));
     }
     if (report.uncommitted_bytes > 0) {
       session.note(fmt::format("{} of an append that was interrupted are left out",

@@ -52,13 +52,6 @@ std::string read_file_within(const std::string& path, std::uint64_t max_memory_b
                    max_memory_bytes != 0 ? max_memory_bytes : std::numeric_limits<std::uint64_t>::max());
 }
 
-void check_budget(std::uint64_t max_memory_bytes, std::uint64_t need, const std::string& what,
-                  const std::string& else_do) {
-  if (max_memory_bytes == 0 || need <= max_memory_bytes) return;
-  throw over_budget(what + ": that takes " + std::to_string((need >> 20) + 1) + " MiB, more than is allowed",
-                    need, else_do);
-}
-
 std::uint64_t budget_left(std::uint64_t max_memory_bytes, std::uint64_t used) {
   if (max_memory_bytes == 0) return 0;
   return used < max_memory_bytes ? max_memory_bytes - used : 1;

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <string>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/core/error.hpp"
 
 namespace apgm::converters {
@@ -16,9 +17,6 @@ std::string read_file(const std::string& path, std::uint64_t max_bytes);
 /// @throws over_budget() before memory is taken
 std::string read_file_within(const std::string& path, std::uint64_t max_memory_bytes,
                              std::uint64_t beside = 0);
-/// Throws over_budget() if a bound is set that does not hold `need` bytes.
-void check_budget(std::uint64_t max_memory_bytes, std::uint64_t need, const std::string& what,
-                  const std::string& else_do = {});
 /// What is left of a bound; at least 1, and 0 where there is none.
 std::uint64_t budget_left(std::uint64_t max_memory_bytes, std::uint64_t used);
 

@@ -1,3 +1,8 @@
+#include <sys/stat.h>
+
+#include <cstring>
+#include <memory>
+
 #include "cli_test.hpp"
 
 namespace apgm::test {
@@ -127,6 +132,77 @@ TEST_F(ArchiveCliTest, CheckoutByNumberTagAndTime) {
   refused("2026-13-01", "--at");
 }
 
+TEST_F(ArchiveCliTest, WhatStandsForATimeOrANumberIsNoTag) {
+  commit_all();
+  const std::string before = bytes("a.apgm");
+  for (const char* tag : {"now", "12", "@5", "2026-01-31T12:00:00Z"}) {
+    expect_failure(archive({"tag", "a.apgm", tag}), 2, "cannot be a tag");
+    expect_failure(archive({"commit", "a.apgm", "one.apgm", "--tag", tag}), 2, "cannot be a tag");
+  }
+  expect_failure(archive({"tag", "a.apgm", "now"}), 2, "NAME: 'now' cannot be a tag", "--at now is a time");
+  // One that an older version gave away stands no more for its commit, and can be taken away.
+  expect_failure(archive({"tag", "--delete", "a.apgm", "now"}), 2, "'a.apgm' has no tag 'now'");
+  EXPECT_EQ(bytes("a.apgm"), before);
+}
+
+TEST_F(ArchiveCliTest, CheckoutSalvagesAnOldCommit) {
+  commit_all();
+  std::string damaged = bytes("a.apgm");
+  std::uint64_t payload = 0;
+  std::memcpy(&payload, damaged.data() + 64 + 16, 8);
+  // The first layer of the first commit is patch (0,0), which the second commit takes away.
+  char& byte = damaged[64 + 64 + (payload + 7) / 8 * 8 + 70];
+  byte = static_cast<char>(byte ^ 1);
+  put("a.apgm", damaged);
+  expect_failure(archive({"checkout", "a.apgm", "--at", "1", "-o", "out.apgm"}), 4,
+                 "patch (0,0) layer 'occupancy'", "--salvage keeps the layers of the commit");
+  const Outcome outcome =
+      archive({"checkout", "a.apgm", "--at", "1", "--salvage", "-o", "out.apgm", "--json"});
+  EXPECT_EQ(outcome.code, 3) << outcome.err;
+  EXPECT_EQ(Json::parse(outcome.out)["layers_left_out"], 1);
+  EXPECT_EQ(info("out.apgm")["map"]["patches"], 399);
+  expect_silent(archive({"checkout", "a.apgm", "--salvage", "-o", "last.apgm"}));
+  expect_silent(archive({"checkout", "a.apgm", "-o", "plain.apgm"}));
+  EXPECT_TRUE(bytes("last.apgm") == bytes("plain.apgm"));
+  expect_failure(archive({"compact", "a.apgm"}), 4, "patch (0,0) layer 'occupancy'",
+                 "checkout --salvage --at 1'");
+  const Outcome verified = tool("verify", {"a.apgm"});
+  EXPECT_EQ(verified.code, 1);
+  EXPECT_THAT(verified.out, HasSubstr("apgm-archive checkout --salvage --at N those of an older one"));
+}
+
+TEST_F(ArchiveCliTest, ControlCharactersOfAMessageAreShown) {
+  const std::string message = "red \x1b[31m bell\x07 del\x7f csi \xc2\x9b umlaut \xc3\xa4\nmore";
+  expect_silent(archive({"commit", "a.apgm", "one.apgm", "-m", message}));
+  const Outcome log = archive({"log", "a.apgm"});
+  EXPECT_THAT(log.out, HasSubstr("red \\x1b[31m bell\\x07 del\\x7f csi \\xc2\\x9b umlaut \xc3\xa4 ..."));
+  EXPECT_EQ(log.out.find('\x1b'), std::string::npos);
+  const Outcome document = archive({"log", "a.apgm", "--json"});
+  EXPECT_THAT(document.out, HasSubstr("red \\u001b[31m bell\\u0007"));
+  EXPECT_EQ(document.out.find('\x1b'), std::string::npos);
+  EXPECT_EQ(Json::parse(document.out)["commits"][0]["message"], message);
+}
+
+TEST_F(ArchiveCliTest, OnlyRegularFilesAreArchives) {
+  ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
+  for (const std::string file : {"/dev/null", "pipe"}) {
+    expect_failure(archive({"commit", file, "one.apgm"}), 5, "'" + file + "' is not a regular file");
+    expect_failure(archive({"commit", "-n", file, "one.apgm"}), 5, "'" + file + "' is not a regular file");
+    expect_failure(archive({"tag", file, "x"}), 5, "'" + file + "' is not a regular file");
+    expect_failure(archive({"compact", file}), 5, "'" + file + "' is not a regular file");
+  }
+}
+
+TEST_F(ArchiveCliTest, CompactWithinABudget) {
+  commit_all();
+  const std::string before = bytes("a.apgm");
+  expect_failure(archive({"compact", "--max-memory", "1M", "a.apgm"}), 6, "is held in memory",
+                 "pass --max-memory with at least ");
+  EXPECT_EQ(bytes("a.apgm"), before);
+  expect_silent(archive({"compact", "--max-memory", "64M", "a.apgm"}));
+  EXPECT_EQ(json({"log", "a.apgm"})["commits"].size(), 3u);
+}
+
 TEST_F(ArchiveCliTest, TagsComeAndGo) {
   commit_all();
   expect_silent(archive({"tag", "a.apgm", "good", "2"}));
@@ -159,6 +235,32 @@ TEST_F(ArchiveCliTest, ExpectStopsTheSecondOfTwo) {
   expect_failure(archive({"commit", "--expect", "1", "a.apgm", "three.apgm"}), 7,
                  "the last commit of 'a.apgm' is 2, not 1");
   EXPECT_EQ(bytes("a.apgm"), before);
+  expect_failure(archive({"commit", "--expect", "1", "new.apgm", "three.apgm"}), 7,
+                 "there is no archive 'new.apgm', its last commit was to be 1", "expect 0, or nothing");
+  EXPECT_FALSE(exists("new.apgm"));
+}
+
+TEST_F(ArchiveCliTest, WhoLosesARaceForANewArchiveIsToldToTryAgain) {
+  for (int round = 0; round < 5; ++round) {
+    const std::string file = "race" + std::to_string(round) + ".apgm";
+    Launch launch;
+    launch.directory = directory_.path();
+    std::vector<std::unique_ptr<Process>> writers;
+    for (int i = 0; i < 6; ++i) {
+      writers.push_back(std::make_unique<Process>(command("archive", {"commit", file, "one.apgm"}), launch));
+    }
+    std::size_t won = 0;
+    for (const auto& writer : writers) {
+      const Outcome outcome = writer->wait();
+      if (outcome.code == 0) {
+        ++won;
+      } else {
+        expect_failure(outcome, 5, "another process writes to '" + file + "'", "try again");
+      }
+    }
+    ASSERT_GE(won, 1u);
+    EXPECT_EQ(json({"log", file})["commits"].size(), won);
+  }
 }
 
 TEST_F(ArchiveCliTest, RefusesWhatDoesNotFit) {
@@ -167,7 +269,9 @@ TEST_F(ArchiveCliTest, RefusesWhatDoesNotFit) {
   Frame frame;
   frame.datum_x_um = 5'000'000;
   write("moved.apgm", plain_map(2, 2, frame));
-  expect_failure(archive({"commit", "a.apgm", "moved.apgm"}), 7, "frame");
+  const char* difference = "'moved.apgm' has another frame than 'a.apgm': datums differ (5,0 m and 0,0 m)";
+  expect_failure(archive({"commit", "a.apgm", "moved.apgm"}), 7, difference);
+  expect_failure(archive({"commit", "-n", "a.apgm", "moved.apgm"}), 7, difference);
   expect_failure(archive({"commit", "one.apgm", "two.apgm"}), 7,
                  "'one.apgm' is a sealed map, not an archive");
   expect_failure(archive({"commit", "a.apgm", "missing.apgm"}), 4, "cannot open 'missing.apgm'");
@@ -206,6 +310,7 @@ TEST_F(ArchiveCliTest, AFullDiskLeavesTheArchive) {
                                 return launch;
                               }());
   EXPECT_EQ(outcome.code, 5) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("hint: raise the limit of file sizes"));
   EXPECT_EQ(bytes("a.apgm"), before);
 }
 

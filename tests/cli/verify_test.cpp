@@ -124,6 +124,24 @@ TEST_F(VerifyCliTest, ACommitWithoutItsFooterIsALoss) {
   EXPECT_EQ(document["layers"], 6);
 }
 
+TEST_F(VerifyCliTest, RecoveringAnArchiveTellsOfTheCommitsThatAreLeftOut) {
+  for (const int side : {3, 4, 5}) {
+    write("a.apgm", plain_map(side, 2));
+    EXPECT_EQ(tool("archive", {"commit", "arch.apgm", "a.apgm"}).code, 0);
+  }
+  EXPECT_EQ(tool("archive", {"tag", "arch.apgm", "best"}).code, 0);
+  const Outcome outcome = tool("verify", {"--recover", "--json", "arch.apgm", "-o", "out.apgm"});
+  EXPECT_EQ(outcome.code, 0) << "the last commit is whole";
+  EXPECT_THAT(outcome.err,
+              HasSubstr("note: only commit 3 is written: 2 older commits of the archive are left "
+                        "out; 'apgm-archive checkout --salvage --at N' saves one"));
+  EXPECT_EQ(Json::parse(outcome.out)["older_commits"], 2);
+  EXPECT_EQ(info("out.apgm")["map"]["patches"], 10);
+  EXPECT_EQ(
+      Json::parse(tool("verify", {"--recover", "--json", "out.apgm", "-o", "b.apgm"}).out)["older_commits"],
+      0);
+}
+
 TEST_F(VerifyCliTest, OptionsThatDoNotFit) {
   expect_failure(tool("verify", {"a.apgm", "-o", "b.apgm"}), 2, "nothing is written without --recover");
   expect_failure(tool("verify", {"a.apgm", "--recover"}), 2, "no output is given");

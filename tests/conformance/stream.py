@@ -192,7 +192,7 @@ class Receiver:
         if not 0 < size - (count - 1) * share <= share:
             raise Damaged("a part of another size")
         last = number + count - 1 - index
-        shape = (count, size, share, block.context)
+        shape = (count, size, share, block.context, block.block.key)
         known, pieces = self.groups.setdefault(last, (shape, {}))
         if known != shape:
             raise Damaged("a part does not fit the others")
@@ -208,8 +208,8 @@ class Receiver:
         if not is_header(head) or len(data) != BLOCK_BYTES + padded(struct.unpack_from("<Q", head, 16)[0]):
             raise Damaged("parts make no block")
         block = parse_block(data)
-        if block.block.kind == PART or block.context != part.context or block.block.commit != (
-                self.session << 32 | number):
+        if block.block.kind == PART or (block.context, block.block.key) != (part.context, part.block.key) or (
+                block.block.commit != self.session << 32 | number):
             raise Damaged("parts make another block")
         self.take_whole(block, number)
         self.count_number(block, number)
@@ -218,6 +218,8 @@ class Receiver:
 
     def take_whole(self, block, number):
         kind = block.block.kind
+        if kind in (MAP_HEADER, GONE, END) and block.block.key:
+            raise Damaged("a key in a block of no patch")
         if kind == MAP_HEADER:
             self.take_header(block, number)
         elif kind in (LAYER, GONE, END):
@@ -229,6 +231,8 @@ class Receiver:
             raise Damaged("a block of a file in a stream")
         elif block.block.flags & 1:
             raise Unsupported(f"block of kind {kind}")
+        elif block.block.key:
+            raise Damaged("a key in a block of no patch")
 
     def take_header(self, block, number):
         if block.context != block.block.hash:

@@ -150,6 +150,20 @@ TEST(FrameTest, CheckRefusesWhatAFileCannotHold) {
   refuses([](Frame& f) { f.frame_id = "a\nb"; });
 }
 
+TEST(FrameTest, DifferenceNamesWhatDiffersWithBothValues) {
+  Frame a, b;
+  EXPECT_EQ(difference(a, b), "");
+  b.frame_id = "odom";
+  EXPECT_EQ(difference(a, b), "frame ids differ ('map' and 'odom')");
+  b.epsg = 25832;
+  b.edge_um = 25'600'001;
+  b.datum_x_um = -1;
+  b.datum_y_um = -12'500'000;
+  EXPECT_EQ(difference(a, b),
+            "frame ids differ ('map' and 'odom'); EPSG codes differ (none and 25832); "
+            "patch edges differ (12.8 m and 25.600001 m); datums differ (0,0 m and -0.000001,-12.5 m)");
+}
+
 TEST(PatchRangeTest, GrowsFromEmpty) {
   PatchRange range;
   EXPECT_TRUE(range.empty());

@@ -51,6 +51,24 @@ TEST(LayerTypeTest, CheckRefusesWhatDoesNotFit) {
   refuses(slab);
 }
 
+TEST(LayerTypeTest, SameMeaningIsSameSpaceAndBackground) {
+  const LayerType mean = LayerType::real("height", {"z"});
+  LayerType other = mean;
+  other.policy = Policy::kMinimum;  // both without data are no number
+  EXPECT_TRUE(mean.same_meaning(other));
+  other.policy = Policy::kSum;  // without data: 0
+  EXPECT_TRUE(mean.same_space(other));
+  EXPECT_FALSE(mean.same_backgrounds(other));
+  EXPECT_FALSE(mean.same_meaning(other));
+  EXPECT_TRUE(other.same_meaning(other));
+  other = mean;
+  other.slab = Slab{0, 1};
+  EXPECT_FALSE(mean.same_meaning(other));
+  EXPECT_TRUE(LayerType::occupancy("o", Policy::kMin).same_meaning(LayerType::occupancy("o", Policy::kMean)));
+  EXPECT_FALSE(LayerType::occupancy("o").same_meaning(LayerType::occupancy("p")));
+  EXPECT_FALSE(LayerType::semantic("o", {"a", "b"}).same_meaning(LayerType::semantic("o", {"a", "c"})));
+}
+
 TEST(PolicyTest, NamesComeBack) {
   for (int p = 0; p <= static_cast<int>(Policy::kMaximum); ++p) {
     EXPECT_EQ(policy_from(to_string(static_cast<Policy>(p))), static_cast<Policy>(p));

@@ -1,15 +1,17 @@
 #include "apgm/format/archive.hpp"
 
-#include <gtest/gtest.h>
-
+#include <gmock/gmock.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <set>
 #include <thread>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/core/error.hpp"
 #include "archive_support.hpp"
 
@@ -23,16 +25,18 @@ std::vector<char> bytes_at(const std::string& path) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-ErrorCode code_of(const std::function<void()>& work) {
+Error error_of(const std::function<void()>& work) {
   try {
     work();
   } catch (const Error& e) {
     EXPECT_FALSE(e.message().empty());
-    return e.code();
+    return e;
   }
   ADD_FAILURE() << "nothing was thrown";
-  return ErrorCode::kCancelled;
+  return {ErrorCode::kCancelled, "nothing was thrown"};
 }
+
+ErrorCode code_of(const std::function<void()>& work) { return error_of(work).code(); }
 
 class ArchiveTest : public ::testing::Test {
  protected:
@@ -229,8 +233,95 @@ TEST_F(ArchiveTest, TwoNewArchivesCannotBothWin) {
   ArchiveWriter first(file, {.create = true}), second(file, {.create = true});
   for (ArchiveWriter* writer : {&first, &second}) writer->begin(map.header());
   first.finish();
-  EXPECT_EQ(code_of([&] { second.finish(); }), ErrorCode::kOutput);
+  const Error lost = error_of([&] { second.finish(); });
   EXPECT_EQ(Reader(file).file().commits, 1u);
+  // Who comes second is told the same as who finds the archive locked.
+  ArchiveWriter third(file);
+  const Error locked = error_of([&] { ArchiveWriter fourth(file); });
+  for (const Error& error : {lost, locked}) {
+    EXPECT_EQ(error.code(), ErrorCode::kOutput);
+    EXPECT_EQ(error.message(), "another process writes to '" + file + "'");
+    EXPECT_THAT(error.hint(), testing::HasSubstr("try again"));
+    EXPECT_EQ(error.path(), file);
+  }
+}
+
+TEST_F(ArchiveTest, WhatStandsForATimeIsNoTag) {
+  const std::string file = path("a.apgm");
+  random_archive(file, 15, 1);
+  const auto before = bytes_at(file);
+  for (const char* tag : {"now", "12", "007", "1e3", "-1", "@5", "2026-01-31T12:00:00Z", "", "a b"}) {
+    EXPECT_EQ(code_of([&] { tag_commit(file, tag); }), ErrorCode::kInvalidArgument) << tag;
+    EXPECT_EQ(code_of([&] {
+                ArchiveWriter writer(file);
+                writer.begin(empty_map().header(), {}, {.tags = {tag}});
+              }),
+              ErrorCode::kInvalidArgument)
+        << tag;
+  }
+  EXPECT_EQ(bytes_at(file), before);
+  EXPECT_EQ(tag_commit(file, "now.1"), 1u);
+}
+
+TEST_F(ArchiveTest, OnlyRegularFilesAreWrittenTo) {
+  const std::string pipe = path("pipe");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  for (const std::string& file : {pipe, std::string("/dev/null")}) {
+    const Error error = error_of([&] { ArchiveWriter(file, {.create = true}); });
+    EXPECT_EQ(error.code(), ErrorCode::kOutput);
+    EXPECT_EQ(error.message(), "'" + file + "' is not a regular file");
+    EXPECT_EQ(code_of([&] { tag_commit(file, "x"); }), ErrorCode::kOutput);
+  }
+}
+
+TEST_F(ArchiveTest, CompactingStaysWithinItsBudget) {
+  const std::string file = path("a.apgm");
+  random_archive(file, 16, 3);
+  const auto before = bytes_at(file);
+  const Error error = error_of([&] { compact_archive(file, {.max_memory_bytes = 1000}); });
+  const auto hint = budget_hint(error);
+  ASSERT_TRUE(hint) << error.message();
+  EXPECT_EQ(bytes_at(file), before);
+  std::uint64_t told = 0;
+  CompactOptions options{.max_memory_bytes = hint->least_mebibytes << 20};
+  options.progress = [&](std::uint64_t done, std::uint64_t total) {
+    EXPECT_LE(done, total);
+    EXPECT_GE(done, told);
+    told = done;
+  };
+  EXPECT_EQ(compact_archive(file, options).commits, 3u);
+  EXPECT_GT(told, 0u);
+}
+
+TEST_F(ArchiveTest, CompactingADamagedCommitTellsHowToGoOn) {
+  const std::string file = path("a.apgm");
+  const Map one = sample_map(9, 40), other = sample_map(10, 40);
+  commit_map(file, Map(one.header()), one);
+  commit_map(file, one, other);
+  // The first layer of the first commit that later ones do not share.
+  std::vector<LayerInfo> old;
+  {
+    const Reader first(file, {.commit = 1}), last(file);
+    std::set<std::uint64_t> shared;
+    PatchInfo patch;
+    for (const auto cursor = last.patches(); cursor->next(patch);) {
+      for (const LayerInfo& info : patch.layers) shared.insert(info.locator);
+    }
+    for (const auto cursor = first.patches(); cursor->next(patch);) {
+      for (const LayerInfo& info : patch.layers) {
+        if (!shared.contains(info.locator)) old.push_back(info);
+      }
+    }
+  }
+  ASSERT_FALSE(old.empty());
+  std::fstream(file, std::ios::in | std::ios::out | std::ios::binary)
+      .seekp(static_cast<std::streamoff>(old[0].locator) + 70)
+      .write("damage", 6);
+  const Error error = error_of([&] { compact_archive(file); });
+  EXPECT_EQ(error.code(), ErrorCode::kDamaged);
+  EXPECT_THAT(error.hint(), testing::HasSubstr("checkout --salvage --at 1'"));
+  EXPECT_THAT(error.hint(), testing::HasSubstr("compact --keep"));
+  EXPECT_EQ(compact_archive(file, {.keep = 1}).commits, 1u);
 }
 
 TEST_F(ArchiveTest, ExpectedNumberIsChecked) {
@@ -238,7 +329,9 @@ TEST_F(ArchiveTest, ExpectedNumberIsChecked) {
   const auto open = [&](std::uint64_t expected) {
     ArchiveWriter writer(file, {.create = true, .expected = expected});
   };
-  EXPECT_EQ(code_of([&] { open(1); }), ErrorCode::kIncompatible);
+  const Error none = error_of([&] { open(1); });
+  EXPECT_EQ(none.code(), ErrorCode::kIncompatible);
+  EXPECT_EQ(none.message(), "there is no archive '" + file + "', its last commit was to be 1");
   open(0);
   random_archive(file, 12, 2);
   open(2);
@@ -265,7 +358,9 @@ TEST_F(ArchiveTest, RefusesAnotherFrame) {
   const auto before = bytes_at(file);
   MapHeader moved = map.header();
   moved.frame.datum_x_um += 1000;
-  EXPECT_EQ(code_of([&] { ArchiveWriter(file).begin(moved); }), ErrorCode::kIncompatible);
+  const Error error = error_of([&] { ArchiveWriter(file).begin(moved); });
+  EXPECT_EQ(error.code(), ErrorCode::kIncompatible);
+  EXPECT_THAT(error.message(), testing::HasSubstr("': datums differ ("));
   EXPECT_EQ(bytes_at(file), before);
 }
 

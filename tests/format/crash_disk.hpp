@@ -22,6 +22,7 @@ class CrashDisk final : public format::AppendFile {
     kCrash,     ///< from a call on nothing happens any more
     kError,     ///< one call fails, and may have done a part
     kFullDisk,  ///< from a call on nothing more can be written; cutting works
+    kDeadSync,  ///< from a call on no sync succeeds; writing and cutting work
     kDeadDisk,  ///< from a call on every call that changes something fails
   };
 
@@ -47,7 +48,7 @@ class CrashDisk final : public format::AppendFile {
   std::uint64_t size() const override { return current_.size(); }
 
   void write(format::Bytes bytes) override {
-    const bool fails = meets_fault(true);
+    const bool fails = meets_fault(Call::kWrite);
     std::size_t done = bytes.size();
     if (fails) done = fault_ == Fault::kCrash ? rng_() % (done + 1) : rng_() % done;
     pending_.push_back(
@@ -57,12 +58,12 @@ class CrashDisk final : public format::AppendFile {
   }
 
   void rewrite(std::uint64_t offset, format::Bytes bytes) override {
-    if (meets_fault(true)) fail();
+    if (meets_fault(Call::kWrite)) fail();
     pending_.push_back({offset, {bytes.begin(), bytes.end()}, false});
   }
 
   void sync() override {
-    if (meets_fault(true)) {
+    if (meets_fault(Call::kSync)) {
       if (rng_() % 2 == 0) keep_some(false);
       if (rng_() % 2 == 0) std::erase_if(pending_, [](const Change& change) { return !change.cut; });
       fail();
@@ -81,7 +82,7 @@ class CrashDisk final : public format::AppendFile {
   }
 
   void cut(std::uint64_t size) override {
-    if (meets_fault(false)) fail();
+    if (meets_fault(Call::kCut)) fail();
     pending_.push_back({size, {}, true});
     current_.resize(size);
   }
@@ -105,7 +106,9 @@ class CrashDisk final : public format::AppendFile {
     bool cut;
   };
 
-  bool meets_fault(bool needs_space) {
+  enum class Call { kWrite, kSync, kCut };
+
+  bool meets_fault(Call call) {
     ++calls_;
     if (fault_ == Fault::kNone) return false;
     if (countdown_ > 0) {
@@ -117,7 +120,8 @@ class CrashDisk final : public format::AppendFile {
       met_ = true;
       return first;
     }
-    if (fault_ == Fault::kFullDisk && !needs_space) return false;
+    if (fault_ == Fault::kFullDisk && call == Call::kCut) return false;
+    if (fault_ == Fault::kDeadSync && call != Call::kSync) return false;
     met_ = true;
     return true;
   }

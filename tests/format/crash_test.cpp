@@ -2,6 +2,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 
 #include "archive_merge.hpp"
 #include "archive_support.hpp"
@@ -9,6 +10,7 @@
 #include "commits.hpp"
 #include "content_id.hpp"
 #include "crash_disk.hpp"
+#include "late_cut_disk.hpp"
 #include "layer_block.hpp"
 
 namespace apgm::test {
@@ -88,8 +90,8 @@ class History {
  private:
   void step() {
     using Fault = CrashDisk::Fault;
-    constexpr Fault kFaults[] = {Fault::kNone,  Fault::kCrash,    Fault::kCrash,
-                                 Fault::kError, Fault::kFullDisk, Fault::kDeadDisk};
+    constexpr Fault kFaults[] = {Fault::kNone,     Fault::kCrash,    Fault::kCrash,   Fault::kError,
+                                 Fault::kFullDisk, Fault::kDeadSync, Fault::kDeadDisk};
     const Fault fault = kFaults[rng_() % std::size(kFaults)];
     disk_->arm(fault, rng_() % 24, rng_());
     State next = visible_;
@@ -218,6 +220,64 @@ TEST(CrashTest, NoHistoryLosesACommit) {
       static_cast<unsigned long long>(figures.read_back),
       static_cast<unsigned long long>(figures.in_flight_kept), static_cast<unsigned long long>(figures.lost));
   EXPECT_EQ(figures.lost, 0u);
+}
+
+using Append = std::function<void(AppendTarget&)>;
+
+bool succeeds(LateCutDisk& disk, const Append& append) {
+  try {
+    AppendTarget target(disk, "disk");
+    append(target);
+    return true;
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+/// What is found after the power failed.
+enum class Found : std::uint8_t { kFirst, kLost, kNext };
+
+/// A commit is all on the disk, but its last sync fails. It is cut off, and that sync fails as well: from now
+/// on only the disk knows of it. Then `append` goes on for `calls` calls, and the power fails before the cut
+/// is surely on the disk: what is new must not lie there beside the footer of what was cut off.
+Found after_a_cut_that_was_not_synced(const Map& first, const Map& lost, std::uint64_t calls,
+                                      const Append& append) {
+  const std::vector<std::byte> archive = new_archive(first);
+  const Append lose = [&](AppendTarget& target) { commit(target, first, lost); };
+  LateCutDisk trial(archive);
+  EXPECT_TRUE(succeeds(trial, lose));
+  LateCutDisk disk(archive);
+  disk.fail_syncs_after(trial.syncs() - 1);
+  EXPECT_FALSE(succeeds(disk, lose));
+  EXPECT_EQ(disk.current(), archive) << "the next writer sees nothing of it";
+  disk.fail_syncs_after(LateCutDisk::kNever);
+  disk.fail_calls_after(calls);
+  const bool done = succeeds(disk, append);
+  disk.crash();
+  const Reader reader(disk.current(), "disk");
+  if (same_content(read_commit(reader), lost)) return Found::kLost;
+  return done ? Found::kNext : Found::kFirst;
+}
+
+TEST(CrashTest, WhatIsCutOffIsGoneBeforeAnythingNewIsWritten) {
+  std::mt19937_64 rng(9);
+  const Map first = changed_map(empty_map(), rng, 6);
+  const Map lost = changed_map(first, rng, 40), next = changed_map(first, rng, 2);
+  for (const Append& append :
+       {Append([&](AppendTarget& target) { commit(target, first, next); }), Append([](AppendTarget& target) {
+          write_tags(target, {{"tag", 1}});
+        })}) {
+    std::vector<Found> found;
+    while (found.empty() || found.back() != Found::kNext) {
+      SCOPED_TRACE("calls " + std::to_string(found.size()));
+      ASSERT_NO_THROW(found.push_back(after_a_cut_that_was_not_synced(first, lost, found.size(), append)));
+      ASSERT_FALSE(HasFailure());
+    }
+    // It may come back as long as nothing was written in its place.
+    EXPECT_EQ(found.front(), Found::kLost);
+    EXPECT_TRUE(std::ranges::is_partitioned(found, [](Found f) { return f == Found::kLost; }));
+    EXPECT_GT(std::ranges::count(found, Found::kFirst), 2);
+  }
 }
 
 /// Every cut of the last commit leaves the one before; every byte of it that goes bad is noticed or leaves

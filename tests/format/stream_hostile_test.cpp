@@ -98,6 +98,52 @@ TEST(StreamHostileTest, FieldsThatBreakARuleAreDamage) {
   is_damage(forge.block(Kind::kEnd, Bytes(63), 2), "an end that is too short");
 }
 
+// 10.1: only layers and parts of their blocks have one.
+TEST(StreamHostileTest, AKeyWhereNoneBelongsIsDamage) {
+  const Forge forge;
+  EndBody body;
+  body.first = 1;
+  const std::vector<GoneRecord> records{{0, 0, 0, {}}};
+  const Bytes gone = forge.block(Kind::kGone, std::as_bytes(std::span(records)), 2);
+  const Bytes end = forge.block(Kind::kEnd, bytes_of(body), 2);
+  const Bytes header = changed(forge.header, [](auto& h) { h.commit = 2; });
+  for (const Bytes& block : {gone, end, header}) {
+    EXPECT_EQ(forge.report({block}).damaged, 0u);
+    EXPECT_EQ(forge.report({changed(block, [](auto& h) { h.key = 1; })}).damaged, 1u);
+  }
+  for (const int kind : {0, 9, 0x80, 0xff}) {
+    const StreamReport passed = forge.report({forge.block(static_cast<Kind>(kind), {}, 2)});
+    EXPECT_EQ(passed.blocks, 2u) << kind << " is skipped";
+    EXPECT_EQ(passed.damaged, 0u) << kind;
+    EXPECT_EQ(forge.report({forge.block(static_cast<Kind>(kind), {}, 2, 7)}).damaged, 1u) << kind;
+  }
+}
+
+TEST(StreamHostileTest, PartsHaveTheKeyOfTheirBlock) {
+  const Forge forge;
+  const Bytes whole = changed(forge.layer, [](auto& h) { h.commit = 3; });  // of its last part
+  const auto report = [&](std::uint64_t first_key, std::uint64_t second_key) {
+    const std::size_t cut = (whole.size() / 2 + 7) / 8 * 8;
+    Blocks parts;
+    for (std::uint32_t i = 0; i < 2; ++i) {
+      const PartHead head{i, 2, whole.size()};
+      Bytes body(sizeof(head));
+      std::memcpy(body.data(), &head, sizeof(head));
+      const Bytes piece = i == 0 ? Bytes(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(cut))
+                                 : Bytes(whole.begin() + static_cast<std::ptrdiff_t>(cut), whole.end());
+      body.insert(body.end(), piece.begin(), piece.end());
+      parts.push_back(forge.block(Kind::kPart, body, 2 + i, i == 0 ? first_key : second_key));
+    }
+    return forge.report(parts);
+  };
+  const std::uint64_t key = head_of(whole).key;
+  EXPECT_EQ(report(key, key).layers, 1u);
+  EXPECT_EQ(report(key, key).damaged, 0u);
+  EXPECT_EQ(report(key + 1, key + 1).damaged, 1u) << "of another block";
+  EXPECT_EQ(report(key, key + 1).damaged, 1u) << "of two blocks";
+  EXPECT_EQ(report(key + 1, key + 1).layers + report(key, key + 1).layers, 0u);
+}
+
 TEST(StreamHostileTest, WhatNeedsANewerReaderIsUnsupported) {
   const Forge forge;
   const auto unknown = static_cast<Kind>(9);

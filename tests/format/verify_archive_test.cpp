@@ -142,7 +142,14 @@ TEST_F(VerifyArchiveTest, RecoversTheLastCommitWithoutItsFooters) {
   EXPECT_TRUE(same_content(recovered(bad), maps_.back()));
   EXPECT_EQ(report_.loss_count, 0u);
   EXPECT_EQ(report_.commit, 4u);
+  EXPECT_EQ(report_.older_commits, 0u) << "only those that can still be read count";
   EXPECT_TRUE(report_.index);
+}
+
+TEST_F(VerifyArchiveTest, OlderCommitsAreCountedOnceWhateverTheirTags) {
+  (void)recovered(good_);
+  EXPECT_EQ(report_.commit, 4u);
+  EXPECT_EQ(report_.older_commits, 3u);
 }
 
 TEST_F(VerifyArchiveTest, RecoveredHeaderHoldsNothingOfTheArchive) {

@@ -161,6 +161,7 @@ std::size_t erase(std::uint8_t* data, std::size_t size) {
 /// Puts a piece of the input, or one byte again and again, somewhere else into it.
 std::size_t insert(std::uint8_t* data, std::size_t size, std::size_t max_size) {
   const std::size_t n = std::min({static_cast<std::size_t>(mutations.in(1, 64)), max_size - size, size});
+  if (n == 0) return size;
   const auto to = static_cast<std::size_t>(mutations.below(static_cast<int>(size + 1)));
   const auto from = static_cast<std::size_t>(mutations.below(static_cast<int>(size - n + 1)));
   std::vector<std::uint8_t> piece(data + from, data + from + n);

@@ -7,15 +7,19 @@ here=$(cd "$(dirname "$0")" && pwd)
 cd "$here/../.."
 seconds=${1:-60}
 shift || true
-# APGM_FUZZ_BUILD: a build that is made already.
+targets=("$@")
+# APGM_FUZZ_BUILD: a build that is made already. APGM_FUZZ_SEEDS: seeds that another build made; the program that makes
+# them needs all converters.
 build=${APGM_FUZZ_BUILD:-build/fuzz}
 if [ -z "${APGM_FUZZ_BUILD:-}" ]; then
   cmake --preset fuzz >/dev/null
-  cmake --build --preset fuzz
+  programs=("${targets[@]/#/fuzz_}")
+  [ ${#targets[@]} -eq 0 ] || [ -n "${APGM_FUZZ_SEEDS:-}" ] || programs+=(make-fuzz-seeds)
+  [ ${#targets[@]} -gt 0 ] || programs=(fuzz)
+  cmake --build --preset fuzz --target "${programs[@]}"
 fi
-seeds=$build/tests/fuzz/seeds
-"$build/bin/make-fuzz-seeds" tests/conformance/v1 "$seeds"
-targets=("$@")
+seeds=${APGM_FUZZ_SEEDS:-$build/tests/fuzz/seeds}
+[ -n "${APGM_FUZZ_SEEDS:-}" ] || "$build/bin/make-fuzz-seeds" tests/conformance/v1 "$seeds"
 [ ${#targets[@]} -gt 0 ] || mapfile -t targets < <(find "$build/bin" -maxdepth 1 -name 'fuzz_*' -printf '%f\n' | sed 's/^fuzz_//' | sort)
 mkdir -p "$build/finds"
 # Readers that take names of files are given files: in memory, where there is such a directory.

@@ -140,6 +140,29 @@ TEST(HeaderLimits, Frame) {
   both_sides(id, std::string(255, 'f'), std::string(256, 'f'));
 }
 
+// Control characters: below 0x20, and 0x7f. An input holds no space either.
+TEST(HeaderLimits, Characters) {
+  const auto with = [](char c) {
+    const std::string text = std::string("a") + c;
+    std::vector<MapHeader> headers(4);
+    headers[0].frame.frame_id = text;
+    headers[1].metadata[text] = "";
+    headers[2].history.push_back({text, {}, "{}"});
+    headers[3].history.push_back({"merge", {text}, "{}"});
+    return headers;
+  };
+  for (const char c : {'\x01', '\x1f', '\x7f'}) {
+    for (const MapHeader& header : with(c)) expect_refused(header);
+  }
+  for (const char c : {' ', '!', '~'}) {
+    const std::vector<MapHeader> headers = with(c);
+    for (std::size_t i = 0; i < headers.size(); ++i) {
+      const bool space_in_an_input = c == ' ' && i == 3;
+      space_in_an_input ? expect_refused(headers[i]) : expect_read_back(headers[i]);
+    }
+  }
+}
+
 TEST(TypeLimits, NamesChannelsAndSlabs) {
   const auto good = [](const LayerType& type) {
     MapHeader header;
@@ -166,6 +189,8 @@ TEST(TypeLimits, NamesChannelsAndSlabs) {
   constexpr std::int64_t kMost = 1'000'000'000'000;
   LayerType slab = LayerType::occupancy();
   slab.slab = Slab{-kMost, kMost};
+  good(slab);
+  slab.slab = Slab{5, 6};
   good(slab);
   for (const Slab wrong : {Slab{-kMost - 1, 0}, Slab{0, kMost + 1}, Slab{5, 5}}) {
     slab.slab = wrong;

@@ -203,10 +203,12 @@ TEST(ChangesSource, RefusesAnotherFrameAndStopsWhenAsked) {
   options.frame.datum_x_um = 1;
   const Map shifted = random_map(13, options);
   try {
-    const ChangesSource changes(base, shifted);
+    const ChangesSource changes(base, shifted, {}, {"a.apgm", "b.apgm"});
     FAIL();
   } catch (const Error& e) {
     EXPECT_EQ(e.code(), ErrorCode::kIncompatible);
+    EXPECT_EQ(e.message(),
+              "'b.apgm' has another frame than 'a.apgm': datums differ (0.000001,0 m and 0,0 m)");
     EXPECT_FALSE(e.hint().empty());
   }
   const std::atomic<bool> cancel{true};

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <string>
 #include <thread>
@@ -99,6 +101,50 @@ TEST_P(RunStream, ThrowsTheFirstFailureInOrderAfterWhatCameBefore) {
     }
     EXPECT_EQ(numbers.seen.size(), 56u);
   }
+}
+
+TEST_P(RunStream, StopsWhereTheConsumerFails) {
+  class Failing final : public Numbers {
+   public:
+    using Numbers::Numbers;
+    void consume(Job& job) override {
+      Numbers::consume(job);
+      if (seen.size() == 30) throw Error(ErrorCode::kOutput, "full");
+    }
+  };
+  for (int round = 0; round < 20; ++round) {
+    Failing numbers(100'000);
+    RunOptions run;
+    run.threads = GetParam();
+    try {
+      run_stream(numbers, {0, 1}, run);
+      FAIL() << "no failure";
+    } catch (const Error& e) {
+      EXPECT_EQ(e.message(), "full");
+    }
+    EXPECT_EQ(numbers.seen.size(), 30u);
+    EXPECT_LE(numbers.next, 30 + 4 * 4 + 1);
+  }
+}
+
+TEST_P(RunStream, LendsEveryJobADeskOfItsOwn) {
+  class Writing final : public Numbers {
+   public:
+    using Numbers::Numbers;
+    void work(Job& job) const override {
+      const auto number = static_cast<float>(static_cast<Numbered&>(job).number);
+      job.desk.scratch.reshape(1, 5);
+      std::ranges::fill(job.desk.scratch.plane(0), number);
+      Numbers::work(job);
+      for (const float v : job.desk.scratch.plane(0)) disturbed += v != number;
+    }
+    mutable std::atomic<int> disturbed{0};
+  };
+  Writing numbers(500);
+  RunOptions run;
+  run.threads = GetParam();
+  run_stream(numbers, {500, 1}, run);
+  EXPECT_EQ(numbers.disturbed, 0);
 }
 
 TEST_P(RunStream, StopsWhenCancelled) {

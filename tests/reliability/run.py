@@ -13,7 +13,7 @@ def main(arguments):
         print(__doc__, file=sys.stderr)
         return 2
     program, page, *rest = arguments
-    done = subprocess.run([program, *(rest or ["--most", "20000"])], stdout=subprocess.PIPE, text=True)
+    done = subprocess.run([program, *(rest or ["--most", "40000"])], stdout=subprocess.PIPE, text=True)
     tables = [table.strip() for table in done.stdout.split("\n\n") if table.startswith("|")]
     if done.returncode not in (0, 1) or not tables:
         print(f"{program} failed with {done.returncode}", file=sys.stderr)

@@ -41,6 +41,8 @@ class Workshop {
   std::vector<std::string> old(const WriterCommand& command) const;
   /// Names that are neither inputs nor outputs: what was left behind.
   std::vector<std::string> strangers(const WriterCommand& command) const;
+  /// Names of all that is there.
+  std::vector<std::string> names() const { return directory_.list(); }
 
   std::string path(const std::string& name) const { return directory_ / name; }
   std::string directory() const { return directory_.path(); }

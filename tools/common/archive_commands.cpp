@@ -54,9 +54,12 @@ std::uint64_t parse_commit(const std::string& option, const std::string& text, s
 }
 
 void check_tag(const std::string& what, const std::string& tag) {
-  if (is_tag_name(tag)) return;
-  throw usage_error(fmt::format("{}: '{}' cannot be a tag", what, tag),
-                    "a tag starts with a letter or '_', then letters, digits and '_.+-'; at most 64 bytes");
+  if (may_be_given(tag)) return;
+  throw usage_error(
+      fmt::format("{}: '{}' cannot be a tag", what, tag),
+      is_tag_name(tag)
+          ? fmt::format("--at {} is a time", tag)
+          : "a tag starts with a letter or '_', then letters, digits and '_.+-'; at most 64 bytes");
 }
 
 namespace {
@@ -109,7 +112,13 @@ class CommitCommand final : public Tool {
     options_.create = true;
     heavy_.check();
     std::error_code error;
-    if (!std::filesystem::exists(archive_, error)) check_output_path(archive_, false, {map_});
+    const auto status = std::filesystem::status(archive_, error);
+    // It may appear before it is opened: that is told then.
+    if (!std::filesystem::exists(status)) return check_output_path(archive_, true, {map_});
+    if (std::filesystem::is_regular_file(status)) return;
+    throw Error(ErrorCode::kOutput, fmt::format("'{}' is not a regular file", archive_))
+        .hint("an archive is a file on a disk")
+        .at(archive_);
   }
 
   void run(Session& session) override {
@@ -132,7 +141,7 @@ class CommitCommand final : public Tool {
       writer.begin(header, {}, commit_);
       put(session, map, header, writer);
     } else {
-      const ChangesSource changes(*writer.last(), map, session.run_options(heavy_, "comparing"));
+      const ChangesSource changes = changes_from(session, *writer.last(), map);
       writer.begin(header, changes.gone(), commit_);
       put(session, changes, header, writer);
     }
@@ -141,6 +150,10 @@ class CommitCommand final : public Tool {
   }
 
  private:
+  ChangesSource changes_from(Session& session, const Reader& last, const Reader& map) const {
+    return ChangesSource(last, map, session.run_options(heavy_, "comparing"), {archive_, map_});
+  }
+
   void put(Session& session, const PatchSource& source, const MapHeader& header, ArchiveWriter& writer) {
     session.check_cancelled();
     copy(source, header.types, writer, false, session.run_options(heavy_, "committing"));
@@ -160,7 +173,7 @@ class CommitCommand final : public Tool {
       const Reader archive(archive_);
       step_opened(session, archive_, archive);
       last = archive.file().commits;
-      const ChangesSource changes(archive, map, session.run_options(heavy_, "comparing"));
+      const ChangesSource changes = changes_from(session, archive, map);
       layers = count(changes);
       gone = changes.gone().size();
     } else {

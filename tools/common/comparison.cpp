@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/core/error.hpp"
 #include "apgm/format/message.hpp"
 #include "apgm/layouts/moving_grid.hpp"
@@ -194,10 +195,9 @@ struct LayoutComparison::State {
     // What each gives back, as a file, a copy or a map, one after the other; two containers at a time.
     const double need = kOtherBytes + 2 * static_cast<double>(raw_bytes(map)) + moving_bytes + submaps +
                         2 * std::max(largest_bytes, submaps);
-    converters::check_budget(options.run.max_memory_bytes,
-                             static_cast<std::uint64_t>(std::min(need, kMostBytes)),
-                             "the memory budget does not hold the layouts",
-                             "choose a smaller --reach or cut a part out with apgm-crop");
+    check_budget(options.run.max_memory_bytes, static_cast<std::uint64_t>(std::min(need, kMostBytes)),
+                 "the memory budget does not hold the layouts",
+                 "choose a smaller --reach or cut a part out with apgm-crop");
   }
 
   CompareOptions options;

@@ -15,6 +15,25 @@ constexpr PlanePictureOptions kOptions{.min_side = 512, .min_patch_px = 16};
 DiffPicture::DiffPicture(const LayerType& type)
     : occupancy_(type.is_occupancy()), evidence_(type.is_evidence()), picture_(kOptions) {}
 
+std::uint64_t DiffPicture::most_bytes(const PatchSource& reference, const PatchSource& other,
+                                      const std::string& type) {
+  PatchRange range;
+  std::uint64_t cells = 0;
+  int finest = 0;
+  for (const PatchSource* source : {&reference, &other}) {
+    const Summary summary = source->summary();
+    range.add(summary.range);
+    const auto id = source->header().types.find(type);
+    if (!id) continue;
+    for (int step = 0; step <= kMaxStep; ++step) {
+      const std::uint64_t layers = summary.types[*id].layers_at[static_cast<std::size_t>(step)];
+      cells += layers << (2 * step);
+      if (layers > 0) finest = std::max(finest, step);
+    }
+  }
+  return PlanePicture::most_bytes(kOptions, range, finest, cells);
+}
+
 void DiffPicture::put(PatchIndex patch, int step, std::span<const CellDiff> cells) {
   std::vector<std::uint8_t> looks;
   looks.reserve(cells.size());

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "apgm/ops/diff.hpp"
@@ -20,6 +21,11 @@ class DiffPicture final : public DiffSink {
  public:
   /// @param type  of the cells
   explicit DiffPicture(const LayerType& type);
+
+  /// Most memory it and its picture take.
+  /// @param type  that is drawn, by name
+  static std::uint64_t most_bytes(const PatchSource& reference, const PatchSource& other,
+                                  const std::string& type);
 
   void put(PatchIndex patch, int step, std::span<const CellDiff> cells) override;
   /// What was collected, with the legend; an empty raster if nothing was.

@@ -7,6 +7,8 @@
 #include <charconv>
 #include <cmath>
 
+#include "apgm/core/text.hpp"
+
 namespace apgm::tools {
 namespace {
 
@@ -101,6 +103,24 @@ const Json* descend(const Json& value, std::string_view path, std::size_t from, 
 }
 
 }  // namespace
+
+std::string visible_text(std::string_view text) {
+  const bool utf8 = is_utf8(text);
+  std::string out;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto byte = static_cast<unsigned char>(text[i]);
+    const auto before = i == 0 ? 0 : static_cast<unsigned char>(text[i - 1]);
+    // U+0080 to U+009F are control characters too, some of which terminals obey; C2 alone starts them.
+    const auto next = i + 1 == text.size() ? 0 : static_cast<unsigned char>(text[i + 1]);
+    const bool is_c1 = (byte == 0xc2 && next < 0xa0) || (before == 0xc2 && byte < 0xa0);
+    if (byte < 0x20 || byte == 0x7f || (byte >= 0x80 && (!utf8 || is_c1))) {
+      out += fmt::format("\\x{:02x}", byte);
+    } else {
+      out += text[i];
+    }
+  }
+  return out;
+}
 
 std::string to_text(const Json& value) {
   std::string out;

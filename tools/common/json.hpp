@@ -22,6 +22,9 @@ std::string to_line(const Json& value);
 /// @return      nullptr if the path does not exist
 const Json* find_path(const Json& document, std::string_view path, std::string& hint);
 
+/// Text of a stranger, as it may go to a terminal: control characters, and all bytes above 0x7f where it is
+/// not UTF-8, as \xNN.
+std::string visible_text(std::string_view text);
 /// "1.2 MiB"
 std::string size_text(std::uint64_t bytes);
 /// "12 345 678"

@@ -1,10 +1,7 @@
 #include "tools/common/picture.hpp"
 
-#include <gd.h>
-#include <gdfontmb.h>
-#include <gdfonts.h>
-
 #include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -13,6 +10,7 @@
 #include <set>
 
 #include "apgm/core/error.hpp"
+#include "tools/common/gd_library.hpp"
 
 namespace apgm::tools {
 namespace {
@@ -30,14 +28,14 @@ constexpr Colour kFaint{150, 150, 156};
 constexpr Colour kGridInk{0, 96, 170};
 
 struct DestroyImage {
-  void operator()(gdImage* image) const { gdImageDestroy(image); }
+  void operator()(gdImage* image) const { gd().destroy(image); }
 };
 using Image = std::unique_ptr<gdImage, DestroyImage>;
 
 Image make_image(int width, int height) {
   // libgd reports an overflow on standard error; it is asked for nothing that could.
   const bool fits = width > 0 && height > 0 && std::int64_t{width} * height <= (std::int64_t{1} << 28);
-  Image image(fits ? gdImageCreateTrueColor(width, height) : nullptr);
+  Image image(fits ? gd().create(width, height) : nullptr);
   if (!image)
     throw Error(ErrorCode::kLimit, fmt::format("cannot make a picture of {} x {} pixels", width, height));
   return image;
@@ -84,7 +82,7 @@ int width_of(const std::string& text, const gdFont& font) { return static_cast<i
 
 void write_text(gdImage& image, const gdFont& font, int x, int y, const std::string& text, Colour colour) {
   for (const char c : text) {
-    gdImageChar(&image, const_cast<gdFont*>(&font), x, y, static_cast<unsigned char>(c), ink(colour));
+    gd().write_char(&image, const_cast<gdFont*>(&font), x, y, static_cast<unsigned char>(c), ink(colour));
     x += font.w;
   }
 }
@@ -118,10 +116,7 @@ std::string corner_text(Point p, double pixel_m) {
 class Composer {
  public:
   Composer(const Rendering& rendering, const PictureText& text)
-      : r_(rendering),
-        title_font_(*gdFontGetMediumBold()),
-        font_(*gdFontGetSmall()),
-        up_(printable(text.up)) {
+      : r_(rendering), title_font_(*gd().bold_font()), font_(*gd().small_font()), up_(printable(text.up)) {
     map_width_ = r_.raster.empty() ? kLeastWidth - 2 * kMargin - 2 : r_.raster.width;
     map_height_ = r_.raster.empty() ? kEmptyHeight : r_.raster.height;
     width_ = std::max(kLeastWidth, map_width_ + 2 + 2 * kMargin);
@@ -151,7 +146,7 @@ class Composer {
     y += legend_rows_ * (kSwatch + 6) + (has_scale() ? 14 + kLine + 4 : 0);
 
     image_ = make_image(width_, y + kMargin - 4);
-    gdImageFilledRectangle(image_.get(), 0, 0, width_ - 1, image_->sy - 1, ink(kPaper));
+    gd().fill(image_.get(), 0, 0, width_ - 1, image_->sy - 1, ink(kPaper));
     draw_head();
     draw_map(map_y);
     if (!empty) {
@@ -211,7 +206,7 @@ class Composer {
       copy_raster(r_.raster, *image_, left, top);
       draw_grid(left, top);
     }
-    gdImageRectangle(image_.get(), left - 1, top - 1, left + map_width_, top + map_height_, ink(kFaint));
+    gd().frame(image_.get(), left - 1, top - 1, left + map_width_, top + map_height_, ink(kFaint));
   }
 
   // Every side of a patch once, on the first pixel right of or below the border.
@@ -224,15 +219,15 @@ class Composer {
       rows.insert({p.left, p.top});
       rows.insert({p.left, p.top + r_.patch_px});
     }
-    gdImageSetClip(image_.get(), left, top, left + map_width_ - 1, top + map_height_ - 1);
+    gd().set_clip(image_.get(), left, top, left + map_width_ - 1, top + map_height_ - 1);
     const int line = gdTrueColorAlpha(kGridInk.red, kGridInk.green, kGridInk.blue, kGridAlpha);
     for (const auto& [x, y] : columns) {
-      gdImageFilledRectangle(image_.get(), left + x, top + y, left + x, top + y + r_.patch_px - 1, line);
+      gd().fill(image_.get(), left + x, top + y, left + x, top + y + r_.patch_px - 1, line);
     }
     for (const auto& [x, y] : rows) {
-      gdImageFilledRectangle(image_.get(), left + x + 1, top + y, left + x + r_.patch_px - 1, top + y, line);
+      gd().fill(image_.get(), left + x + 1, top + y, left + x + r_.patch_px - 1, top + y, line);
     }
-    gdImageSetClip(image_.get(), 0, 0, image_->sx - 1, image_->sy - 1);
+    gd().set_clip(image_.get(), 0, 0, image_->sx - 1, image_->sy - 1);
   }
 
   void draw_corners(int above_y, int below_y) {
@@ -245,15 +240,15 @@ class Composer {
   // From its first to its last pixel the bar is length_px wide.
   void draw_bar(int y) {
     const int x1 = kMargin + bar_->length_px - 1;
-    gdImageFilledRectangle(image_.get(), kMargin, y + 6, x1, y + 8, ink(kInk));
-    for (const int x : {kMargin, x1}) gdImageFilledRectangle(image_.get(), x, y + 2, x, y + 12, ink(kInk));
+    gd().fill(image_.get(), kMargin, y + 6, x1, y + 8, ink(kInk));
+    for (const int x : {kMargin, x1}) gd().fill(image_.get(), x, y + 2, x, y + 12, ink(kInk));
     text(x1 + 8, y + 1, bar_->label);
 
     const int tip = width_ - kMargin - 8;
-    gdImageFilledRectangle(image_.get(), tip, y, tip, y + 14, ink(kInk));
+    gd().fill(image_.get(), tip, y, tip, y + 14, ink(kInk));
     for (int i = 1; i <= 4; ++i) {
-      gdImageSetPixel(image_.get(), tip - i, y + i, ink(kInk));
-      gdImageSetPixel(image_.get(), tip + i, y + i, ink(kInk));
+      gd().set_pixel(image_.get(), tip - i, y + i, ink(kInk));
+      gd().set_pixel(image_.get(), tip + i, y + i, ink(kInk));
     }
     text(tip - 8 - width_of(up_, font_), y + 1, up_);
   }
@@ -262,8 +257,8 @@ class Composer {
     for (std::size_t i = 0; i < places_.size(); ++i) {
       const auto& e = r_.legend.entries[i];
       const int x = places_[i].x, y = top + places_[i].row * (kSwatch + 6);
-      gdImageFilledRectangle(image_.get(), x, y, x + kSwatch - 1, y + kSwatch - 1, ink(e.colour));
-      gdImageRectangle(image_.get(), x, y, x + kSwatch - 1, y + kSwatch - 1, ink(kFaint));
+      gd().fill(image_.get(), x, y, x + kSwatch - 1, y + kSwatch - 1, ink(e.colour));
+      gd().frame(image_.get(), x, y, x + kSwatch - 1, y + kSwatch - 1, ink(kFaint));
       text(x + kSwatch + 5, y, printable(e.label));
     }
     if (has_scale()) draw_scale(top + legend_rows_ * (kSwatch + 6));
@@ -278,9 +273,9 @@ class Composer {
       const Colour b = samples[static_cast<std::size_t>(std::min(last, place / n + 1))].colour;
       const auto blend = [&](int from, int to) { return from + (to - from) * (place % n) / n; };
       const int c = gdTrueColor(blend(a.red, b.red), blend(a.green, b.green), blend(a.blue, b.blue));
-      gdImageFilledRectangle(image_.get(), kMargin + i, y, kMargin + i, y + 12, c);
+      gd().fill(image_.get(), kMargin + i, y, kMargin + i, y + 12, c);
     }
-    gdImageRectangle(image_.get(), kMargin - 1, y - 1, kMargin + kScaleWidth, y + 13, ink(kFaint));
+    gd().frame(image_.get(), kMargin - 1, y - 1, kMargin + kScaleWidth, y + 13, ink(kFaint));
     const auto label = [&](int sample, int quarter) {
       const std::string words = printable(samples[static_cast<std::size_t>(sample)].label);
       const int free = kScaleWidth - width_of(words, font_);
@@ -303,7 +298,7 @@ class Composer {
 };
 
 struct FreePng {
-  void operator()(void* bytes) const { gdFree(bytes); }
+  void operator()(void* bytes) const { gd().free(bytes); }
 };
 
 }  // namespace
@@ -341,7 +336,7 @@ void write_png(const Raster& raster, OutputFile& out) {
   const Image image = make_image(raster.width, raster.height);
   copy_raster(raster, *image, 0, 0);
   int size = 0;
-  const std::unique_ptr<void, FreePng> bytes(gdImagePngPtrEx(image.get(), &size, 6));
+  const std::unique_ptr<void, FreePng> bytes(gd().encode_png(image.get(), &size, 6));
   if (!bytes || size <= 0) throw Error(ErrorCode::kLimit, "cannot encode the picture as PNG");
   out.write(std::span(static_cast<const std::byte*>(bytes.get()), static_cast<std::size_t>(size)));
 }

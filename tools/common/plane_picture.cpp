@@ -51,20 +51,39 @@ void PlanePicture::keep_within_limit() {
 
 PlanePicture::View PlanePicture::view() const {
   PatchRange range;
-  View v;
+  int finest = 0;
   for (const auto& [patch, plane] : planes_) {
     range.add(patch);
-    v.step = std::max(v.step, plane.step);
+    finest = std::max(finest, plane.step);
   }
+  return view_of(range, finest, options_);
+}
+
+PlanePicture::View PlanePicture::view_of(const PatchRange& range, int finest,
+                                         const PlanePictureOptions& options) {
+  View v;
+  v.step = finest;
   const auto longest = static_cast<double>(
       1 + std::max(std::int64_t{range.max.x} - range.min.x, std::int64_t{range.max.y} - range.min.y));
-  while (v.step > -31 && std::ldexp(longest, v.step) > options_.max_side) --v.step;
-  while (std::ldexp(longest, v.step + 1) <= options_.min_side) ++v.step;
+  while (v.step > -31 && std::ldexp(longest, v.step) > options.max_side) --v.step;
+  while (std::ldexp(longest, v.step + 1) <= options.min_side) ++v.step;
   v.left = View::first(range.min.x, v.step);
   v.bottom = View::first(range.min.y, v.step);
   v.right = View::end(range.max.x, v.step);
   v.top = View::end(range.max.y, v.step);
   return v;
+}
+
+std::uint64_t PlanePicture::most_bytes(const PlanePictureOptions& options, const PatchRange& range,
+                                       int finest, std::uint64_t cells) {
+  if (range.empty()) return 0;
+  // Four times as colours: drawn, beside its legend, as PNG libraries want it, packed.
+  constexpr std::uint64_t kAPixel = 4 * 4, kText = std::uint64_t{2} << 20;
+  const View v = view_of(range, finest, options);
+  const std::uint64_t layer = std::uint64_t{1} << (2 * finest);
+  // One more plane comes before the limit is kept, and is held once more while it is made smaller.
+  return std::min(cells, options.most_cells) + 2 * layer +
+         static_cast<std::uint64_t>(v.width() * v.height()) * kAPixel + kText;
 }
 
 Rendering PlanePicture::rendering(const Frame& frame, std::span<const Colour> colours, Colour nothing) const {

@@ -24,6 +24,12 @@ class PlanePicture {
  public:
   explicit PlanePicture(const PlanePictureOptions& options) : options_(options) {}
 
+  /// Most memory that planes of so many cells take, and their picture on its way to a PNG.
+  /// @param range   of their patches
+  /// @param finest  step of the planes
+  static std::uint64_t most_bytes(const PlanePictureOptions& options, const PatchRange& range, int finest,
+                                  std::uint64_t cells);
+
   /// @param cells  4^step, rows of cells as in Layer
   void put(PatchIndex patch, int step, std::vector<std::uint8_t> cells);
   bool empty() const { return planes_.empty(); }
@@ -53,6 +59,7 @@ class PlanePicture {
   static void halve(Plane& plane);
   void keep_within_limit();
   View view() const;
+  static View view_of(const PatchRange& range, int finest, const PlanePictureOptions& options);
   static void draw(const Plane& plane, PatchIndex patch, const View& view,
                    std::vector<std::uint16_t>& canvas);
   void list_patches(const View& view, Rendering& out) const;

@@ -33,11 +33,9 @@ void report_dry_run(Session& session, const OutputChoice& output) {
 }
 
 std::string first_line(const std::string& text) {
-  std::string line = text.substr(0, text.find('\n'));
-  for (char& c : line) {
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
-  }
-  return line.size() < text.size() ? line + " ..." : line;
+  const std::size_t end = text.find('\n');
+  const std::string line = visible_text(std::string_view(text).substr(0, end));
+  return end == std::string::npos ? line : line + " ...";
 }
 
 void step_opened(Session& session, const std::string& path, const PatchSource& source) {

@@ -9,7 +9,6 @@
 #include <cstring>
 
 #include "apgm/core/budget.hpp"
-#include "apgm/core/text.hpp"
 #include "tools/common/exit_code.hpp"
 #include "tools/common/memory.hpp"
 #include "tools/common/options.hpp"
@@ -35,21 +34,6 @@ int write_all(int fd, const std::string& text) {
     done += static_cast<std::size_t>(n);
   }
   return 0;
-}
-
-/// Control characters of a file name must not reach a terminal.
-std::string printable(const std::string& text) {
-  const bool utf8 = is_utf8(text);
-  std::string out;
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (byte < 0x20 || byte == 0x7f || (byte >= 0x80 && !utf8)) {
-      out += fmt::format("\\x{:02x}", byte);
-    } else {
-      out += c;
-    }
-  }
-  return out;
 }
 
 }  // namespace
@@ -80,7 +64,7 @@ void Session::write_error(const std::string& text) {
 void Session::say(const char* kind, const char* sgr, const std::string& text) {
   const std::string word =
       color_on(STDERR_FILENO) ? fmt::format("\x1b[1;{}m{}:\x1b[0m", sgr, kind) : std::string(kind) + ":";
-  write_error(fmt::format("{}: {} {}\n", tool(), word, printable(text)));
+  write_error(fmt::format("{}: {} {}\n", tool(), word, visible_text(text)));
 }
 
 void Session::note(const std::string& text) {
@@ -157,7 +141,7 @@ void Session::check_cancelled() const {
 void Session::fail(const std::string& code, const std::string& message, const std::string& hint,
                    const std::string& path, std::optional<std::uint64_t> offset_bytes) {
   say("error", kRed, message);
-  if (!hint.empty()) write_error("hint: " + printable(hint) + "\n");
+  if (!hint.empty()) write_error("hint: " + visible_text(hint) + "\n");
   const auto or_null = [](const std::string& text) { return text.empty() ? Json() : Json(text); };
   result_ = {{"error",
               {{"code", code},

@@ -20,6 +20,13 @@ Error over_budget(std::string what, std::uint64_t least_bytes, const std::string
   return error;
 }
 
+void check_budget(std::uint64_t max_bytes, std::uint64_t need, const std::string& what,
+                  const std::string& else_do) {
+  if (max_bytes == 0 || need <= max_bytes) return;
+  throw over_budget(what + ": that takes " + std::to_string((need >> 20) + 1) + " MiB, more than is allowed",
+                    need, else_do);
+}
+
 std::optional<BudgetHint> budget_hint(const Error& error) {
   std::string_view hint = error.hint();
   if (error.code() != ErrorCode::kLimit || !hint.starts_with(kAllow)) return {};

@@ -43,6 +43,16 @@ void cells_along(std::int64_t origin_nm, std::int64_t edge_nm, int step, std::in
   max = to > from ? static_cast<std::int32_t>(floor_div((to << step) - 1, edge_nm)) : min - 1;
 }
 
+/// Exact: "-0.000001".
+std::string metres(std::int64_t um) {
+  constexpr std::uint64_t kMicro = 1'000'000;
+  const std::uint64_t size = um < 0 ? 0 - static_cast<std::uint64_t>(um) : static_cast<std::uint64_t>(um);
+  std::string text = (um < 0 ? "-" : "") + std::to_string(size / kMicro);
+  if (size % kMicro == 0) return text;
+  const std::string digits = std::to_string(kMicro + size % kMicro).substr(1);
+  return text + "." + digits.substr(0, digits.find_last_not_of('0') + 1);
+}
+
 }  // namespace
 
 bool PatchRange::meets(const PatchRange& o) const {
@@ -157,37 +167,93 @@ void Frame::check() const {
   }
 }
 
+std::string difference(const Frame& a, const Frame& b) {
+  std::string text;
+  const auto differ = [&](bool is_other, const char* what, const auto& value) {
+    if (!is_other) return;
+    text +=
+        (text.empty() ? "" : "; ") + std::string(what) + " differ (" + value(a) + " and " + value(b) + ")";
+  };
+  differ(a.frame_id != b.frame_id, "frame ids", [](const Frame& f) { return "'" + f.frame_id + "'"; });
+  differ(a.epsg != b.epsg, "EPSG codes",
+         [](const Frame& f) { return f.epsg ? std::to_string(*f.epsg) : std::string("none"); });
+  differ(a.edge_um != b.edge_um, "patch edges", [](const Frame& f) { return metres(f.edge_um) + " m"; });
+  differ(a.datum_x_um != b.datum_x_um || a.datum_y_um != b.datum_y_um, "datums",
+         [](const Frame& f) { return metres(f.datum_x_um) + "," + metres(f.datum_y_um) + " m"; });
+  return text;
+}
+
 std::int64_t to_micrometres(double metres) {
   if (!std::isfinite(metres)) throw Error(ErrorCode::kInvalidArgument, "a length is not a finite number");
   if (std::fabs(metres) > 1e9) throw Error(ErrorCode::kLimit, "a length lies beyond 1e9 m");
   return std::llrint(metres * 1e6);
 }
 
-std::uint64_t curve_key(PatchIndex patch) {
-  // State machine of the Hilbert curve: for each state and quadrant (x bit, y bit) the two key bits and the
-  // next state. State 0 runs (0,0) (1,0) (1,1) (0,1) on the finest level of an even number of levels.
-  static constexpr std::array<std::array<std::uint8_t, 4>, 4> kDigit{{
+namespace {
+
+using CurveTable = std::array<std::array<std::uint16_t, 256>, 4>;
+
+/// State machine of the Hilbert curve, four levels at once: for each state, four bits of x and four bits of y
+/// the eight bits of the key, and above them the next state. State 0 runs (0,0) (1,0) (1,1) (0,1) on the
+/// finest level of an even number of levels.
+constexpr CurveTable curve_table() {
+  constexpr std::array<std::array<std::uint8_t, 4>, 4> kDigit{{
       {0, 1, 3, 2},  // quadrant = 2 * x + y
       {0, 3, 1, 2},
       {2, 1, 3, 0},
       {2, 3, 1, 0},
   }};
-  static constexpr std::array<std::array<std::uint8_t, 4>, 4> kNext{{
+  constexpr std::array<std::array<std::uint8_t, 4>, 4> kNext{{
       {1, 0, 2, 0},
       {0, 3, 1, 1},
       {2, 2, 0, 3},
       {3, 1, 3, 2},
   }};
-  const std::uint32_t x = static_cast<std::uint32_t>(patch.x) ^ 0x80000000u;
-  const std::uint32_t y = static_cast<std::uint32_t>(patch.y) ^ 0x80000000u;
+  CurveTable table{};
+  for (unsigned start = 0; start < 4; ++start) {
+    for (unsigned bits = 0; bits < 256; ++bits) {
+      unsigned key = 0, state = start;
+      for (int bit = 3; bit >= 0; --bit) {
+        const unsigned q = (bits >> (bit + 4) & 1u) << 1 | (bits >> bit & 1u);
+        key = key << 2 | kDigit[state][q];
+        state = kNext[state][q];
+      }
+      table[start][bits] = static_cast<std::uint16_t>(state << 8 | key);
+    }
+  }
+  return table;
+}
+
+constexpr CurveTable kCurve = curve_table();
+
+struct CurvePlace {
   std::uint64_t key = 0;
   unsigned state = 0;
-  for (int bit = 31; bit >= 0; --bit) {
-    const unsigned q = ((x >> bit) & 1u) << 1 | ((y >> bit) & 1u);
-    key = key << 2 | kDigit[state][q];
-    state = kNext[state][q];
+};
+
+/// Goes on from `at` by the bits [low, high) of x and y, a multiple of four.
+constexpr CurvePlace walk_curve(CurvePlace at, std::uint32_t x, std::uint32_t y, int high, int low) {
+  for (int bit = high - 4; bit >= low; bit -= 4) {
+    const std::uint16_t step = kCurve[at.state][(x >> bit & 15u) << 4 | (y >> bit & 15u)];
+    at.key = at.key << 8 | (step & 0xffu);
+    at.state = step >> 8;
   }
-  return key;
+  return at;
+}
+
+/// The upper half of the way to patches near the origin, by the signs of y and x: most there are.
+constexpr std::array<CurvePlace, 4> kNear{
+    walk_curve({}, 0x7fff0000u, 0x7fff0000u, 32, 16), walk_curve({}, 0x7fff0000u, 0x80000000u, 32, 16),
+    walk_curve({}, 0x80000000u, 0x7fff0000u, 32, 16), walk_curve({}, 0x80000000u, 0x80000000u, 32, 16)};
+
+}  // namespace
+
+std::uint64_t curve_key(PatchIndex patch) {
+  const std::uint32_t x = static_cast<std::uint32_t>(patch.x) ^ 0x80000000u;
+  const std::uint32_t y = static_cast<std::uint32_t>(patch.y) ^ 0x80000000u;
+  const std::uint32_t right = (x >> 16) - 0x7fffu, up = (y >> 16) - 0x7fffu;
+  if (right > 1 || up > 1) return walk_curve({}, x, y, 32, 0).key;
+  return walk_curve(kNear[right << 1 | up], x, y, 16, 0).key;
 }
 
 }  // namespace apgm

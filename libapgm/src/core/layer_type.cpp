@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <limits>
 
 #include "apgm/core/error.hpp"
@@ -81,6 +82,15 @@ bool LayerType::same_space(const LayerType& other) const {
          slab == other.slab;
 }
 
+bool LayerType::same_backgrounds(const LayerType& other) const {
+  for (int c = 0; c < static_cast<int>(channels.size()); ++c) {
+    if (std::bit_cast<std::uint32_t>(background(c)) != std::bit_cast<std::uint32_t>(other.background(c))) {
+      return false;
+    }
+  }
+  return true;
+}
+
 void LayerType::check() const {
   check_name(name, "layer type");
   for (const auto& h : hypotheses) check_name(h, "hypothesis");
@@ -125,9 +135,7 @@ std::vector<TypeId> matching_ids(const TypeTable& from, const TypeTable& to) {
   for (const LayerType& type : from) {
     const auto id = to.find(type.name);
     if (!id) throw Error(ErrorCode::kIncompatible, "layer type '" + type.name + "' is missing");
-    // The background of a real channel is 0 for counts, else no number.
-    const bool counts = type.policy == Policy::kSum;
-    if (!to[*id].same_space(type) || (to[*id].policy == Policy::kSum) != counts) {
+    if (!to[*id].same_meaning(type)) {
       throw Error(ErrorCode::kIncompatible, "layer type '" + type.name + "' stands for another space");
     }
     ids.push_back(*id);

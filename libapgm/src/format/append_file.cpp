@@ -18,16 +18,27 @@ constexpr std::size_t kBufferBytes = std::size_t{1} << 18;
 /// Each time the file was replaced between opening and locking it.
 constexpr int kAttempts = 100;
 
+constexpr const char* kState = "the archive is as it was, or at worst holds the new commit";
+
 [[noreturn]] void fail(const std::string& path, const char* what, int error) {
   Error e(ErrorCode::kOutput, "cannot " + std::string(what) + " '" + path + "': " + std::strerror(error));
   e.at(path);
-  if (error == ENOSPC || error == EDQUOT || error == EFBIG) {
-    e.hint("free some space; the archive is as it was, or at worst holds the new commit");
+  if (error == ENOSPC || error == EDQUOT) e.hint(std::string("free some space; ") + kState);
+  if (error == EFBIG) {
+    e.hint(
+        std::string("raise the limit of file sizes of this process ('ulimit -f') or of the file system; ") +
+        kState);
   }
   throw e;
 }
 
 }  // namespace
+
+Error another_writes(const std::string& path) {
+  return Error(ErrorCode::kOutput, "another process writes to '" + path + "'")
+      .hint("try again when it is done; readers need not wait")
+      .at(path);
+}
 
 LockedFile::LockedFile(const std::string& path) : path_(path) {
   for (int i = 0; i < kAttempts; ++i) {
@@ -42,7 +53,13 @@ bool LockedFile::lock() {
   if (fd_ < 0) fail(path_, "open", errno);
   struct stat mine {
   }, named{};
-  int error = ::fstat(fd_, &mine) != 0 ? errno : S_ISREG(mine.st_mode) ? 0 : EINVAL;
+  int error = ::fstat(fd_, &mine) != 0 ? errno : 0;
+  if (error == 0 && !S_ISREG(mine.st_mode)) {
+    ::close(std::exchange(fd_, -1));
+    throw Error(ErrorCode::kOutput, "'" + path_ + "' is not a regular file")
+        .hint("an archive is a file on a disk")
+        .at(path_);
+  }
   if (error == 0 && ::flock(fd_, LOCK_EX | LOCK_NB) != 0) error = errno;
   if (error == 0 && ::fstat(fd_, &mine) != 0) error = errno;
   const bool same = error == 0 && ::stat(path_.c_str(), &named) == 0 && named.st_dev == mine.st_dev &&
@@ -54,9 +71,7 @@ bool LockedFile::lock() {
   ::close(std::exchange(fd_, -1));
   if (error == 0) return false;
   if (error != EWOULDBLOCK) fail(path_, "lock", error);
-  throw Error(ErrorCode::kOutput, "another process writes to '" + path_ + "'")
-      .hint("try again when it is done; readers need not wait")
-      .at(path_);
+  throw another_writes(path_);
 }
 
 LockedFile::~LockedFile() {

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "apgm/core/error.hpp"
 #include "block.hpp"
 #include "input_file.hpp"
 
@@ -26,10 +27,13 @@ class AppendFile : public ReadAt {
   virtual void cut(std::uint64_t size) = 0;
 };
 
+/// The failure of who is not the only writer of an archive.
+Error another_writes(const std::string& path);
+
 /// An existing file under an exclusive lock that lasts as long as the object.
 class LockedFile final : public AppendFile {
  public:
-  /// @throws Error{kOutput} if it is not there, may not be written, or is locked by another
+  /// @throws Error{kOutput} if it is not there, no regular file, may not be written, or is locked by another
   explicit LockedFile(const std::string& path);
   ~LockedFile() override;
   LockedFile(const LockedFile&) = delete;

@@ -25,15 +25,24 @@ bool is_there(const std::string& path) {
 
 void check_expected(const std::string& path, std::uint64_t expected, std::uint64_t last) {
   if (expected == last) return;
+  if (last == 0) {
+    throw Error(ErrorCode::kIncompatible,
+                "there is no archive '" + path + "', its last commit was to be " + std::to_string(expected))
+        .hint("to make a new archive expect 0, or nothing")
+        .at(path);
+  }
   throw Error(ErrorCode::kIncompatible, "the last commit of '" + path + "' is " + std::to_string(last) +
                                             ", not " + std::to_string(expected))
       .hint("somebody committed in between; look at the archive again")
       .at(path);
 }
 
-[[noreturn]] void fail_tag(const std::string& name) {
+void check_tag(const std::string& name) {
+  if (may_be_given(name)) return;
   throw Error(ErrorCode::kInvalidArgument, "'" + name + "' cannot be a tag")
-      .hint("a tag starts with a letter or '_', then letters, digits and '_.+-'; at most 64 bytes");
+      .hint(is_tag_name(name)
+                ? "it stands for a time wherever a commit is asked for"
+                : "a tag starts with a letter or '_', then letters, digits and '_.+-'; at most 64 bytes");
 }
 
 Tags stored_tags(const CommitTarget& target) {
@@ -69,7 +78,7 @@ ArchiveWriter::ArchiveWriter(const std::string& path, const ArchiveOptions& opti
   s.options = options;
   if (options.create && !is_there(path)) {
     if (options.expected) check_expected(path, *options.expected, 0);
-    s.target = std::make_unique<CreateTarget>(OutputFile(path, {.overwrite = false, .fsync = true}));
+    s.target = std::make_unique<CreateTarget>(path);
     return;
   }
   s.file.emplace(path);
@@ -93,7 +102,7 @@ void ArchiveWriter::begin(const MapHeader& header, std::vector<MapChanges::Gone>
   Tags tags = stored_tags(*s.target);
   const std::uint64_t last = s.target->base() == nullptr ? 0 : s.target->base()->at.footer.commits;
   for (const std::string& name : options.tags) {
-    if (!is_tag_name(name)) fail_tag(name);
+    check_tag(name);
     tags[name] = last + 1;
   }
   s.types = header.types;
@@ -122,7 +131,7 @@ const CommitReport& ArchiveWriter::report() const { return state_->report; }
 
 std::uint64_t tag_commit(const std::string& archive, const std::string& name, std::uint64_t number,
                          TornEnd* torn) {
-  if (!is_tag_name(name)) fail_tag(name);
+  check_tag(name);
   LockedFile file(archive);
   AppendTarget target(file, archive);
   number = find_commit(*target.input(), target.base()->at, number).footer.commits;

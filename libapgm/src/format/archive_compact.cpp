@@ -3,6 +3,7 @@
 #include <optional>
 #include <unordered_map>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/core/error.hpp"
 #include "apgm/format/archive.hpp"
 #include "append_file.hpp"
@@ -34,16 +35,54 @@ struct BlockKeyHash {
   std::size_t operator()(const BlockKey& k) const { return k.payload_hash ^ k.key * 0x9E3779B97F4A7C15u; }
 };
 
+// Memory, of what an allocator gives: nodes of the two tables with their share of the buckets while these
+// grow, and what a page and an output need at work.
+constexpr std::uint64_t kBytesALayer = 112;
+constexpr std::uint64_t kBytesAPage = 192;
+constexpr std::uint64_t kBytesAtWork = std::uint64_t{2} << 20;
+constexpr const char* kTooMuch = "the list of the layers of all commits is held in memory";
+
 /// Copies commits, oldest first, each as its own would have been written.
 class Compactor {
  public:
-  Compactor(const InputFile& input, OutputFile output, const std::function<bool()>& cancelled)
-      : input_(input), cancelled_(cancelled) {
+  Compactor(const InputFile& input, OutputFile output, const CompactOptions& options)
+      : input_(input), options_(options) {
     output_.file.emplace(std::move(output));
     output_.write(bytes_of(make_preamble(true)));
   }
 
   void copy(const FooterAt& at, bool newest) {
+    // Both are read as a whole, and taken apart.
+    check_held(4 * (at.footer.header_bytes + at.footer.root_bytes));
+    try {
+      copy_commit(at, newest);
+    } catch (Error& e) {
+      const std::string number = std::to_string(at.footer.commits);
+      if (e.code() == ErrorCode::kDamaged) {
+        e.hint("'apgm-archive checkout --salvage --at " + number + "' saves what is whole of commit " +
+               number + ", 'compact --keep' leaves old commits out");
+      }
+      throw;
+    }
+  }
+
+  std::uint64_t size() const { return output_.size(); }
+  void finish() { output_.file->commit(); }
+
+ private:
+  struct Place {
+    std::uint64_t offset = 0, bytes = 0, hash = 0;
+  };
+  struct CopiedPage {
+    fbs::PageRef from, to;
+  };
+  struct CopiedRoot {
+    std::vector<fbs::PageRef> pages;
+    std::vector<Summary::OfType> totals;
+    Place place;
+  };
+
+  void copy_commit(const FooterAt& at, bool newest) {
     const OpenCommit commit = open_commit(input_, at);
     Footer footer = at.footer;
     MapHeader header = commit.header;
@@ -62,21 +101,14 @@ class Compactor {
     output_.write(footer_block(footer));
   }
 
-  std::uint64_t size() const { return output_.size(); }
-  void finish() { output_.file->commit(); }
-
- private:
-  struct Place {
-    std::uint64_t offset = 0, bytes = 0, hash = 0;
-  };
-  struct CopiedPage {
-    fbs::PageRef from, to;
-  };
-  struct CopiedRoot {
-    std::vector<fbs::PageRef> pages;
-    std::vector<Summary::OfType> totals;
-    Place place;
-  };
+  /// @param more  that is about to be taken
+  void check_held(std::uint64_t more) const {
+    if (options_.max_memory_bytes == 0) return;
+    const std::uint64_t roots = root_ ? 3 * root_->pages.size() * sizeof(fbs::PageRef) : 0;
+    check_budget(options_.max_memory_bytes,
+                 kBytesAtWork + blocks_.size() * kBytesALayer + pages_.size() * kBytesAPage + roots + more,
+                 kTooMuch);
+  }
 
   void write_block() {
     output_.write(block_);
@@ -125,10 +157,16 @@ class Compactor {
       fail_damaged(input_, page.offset(), "index entries are not in order");
     }
     last_place_.emplace(entries.back().key, entries.back().type);
-    for (const IndexEntry& e : entries) id.add({e.ix, e.iy}, e.type, e.step, e.content_hash);
+    std::uint64_t largest = 0;
+    for (const IndexEntry& e : entries) {
+      id.add({e.ix, e.iy}, e.type, e.step, e.content_hash);
+      largest = std::max<std::uint64_t>(largest, e.stored_bytes);
+    }
     const auto known = pages_.find(page.offset());
     if (known != pages_.end() && same_pages({&known->second.from, 1}, {&page, 1})) return known->second.to;
+    check_held(entries.size() * kBytesALayer + 2 * largest);
     for (IndexEntry& entry : entries) entry.offset = copy_layer(commit, entry);
+    if (options_.progress) options_.progress(std::min(output_.size(), input_.size()), input_.size());
     const fbs::PageRef copied = append_page(block_, output_.size(), entries, commit.at.footer.commits);
     write_block();
     pages_.insert_or_assign(page.offset(), CopiedPage{page, copied});
@@ -141,25 +179,22 @@ class Compactor {
                        e.stored_bytes, e.type,        e.step,          e.encoding};
     const auto [known, is_new] = blocks_.try_emplace(key, output_.size());
     if (!is_new) return known->second;
-    if (cancelled_ && cancelled_()) throw Error(ErrorCode::kCancelled, "cancelled");
+    if (options_.cancelled && options_.cancelled()) throw Error(ErrorCode::kCancelled, "cancelled");
     const LayerInfo info{{e.ix, e.iy},   e.type,         e.step,     e.encoding,
                          e.stored_bytes, e.content_hash, e.stamp_ns, e.offset};
     const std::string name = name_of(info.patch, commit.header.types[e.type].name);
-    located(
-        input_, e.offset, name,
-        [&] {
-          read_layer(input_, info, layer_);
-          if (read_as<BlockHeader>(layer_).payload_hash == e.stored_hash) return;
-          throw Error(ErrorCode::kDamaged, "the block is not the one the index names");
-        },
-        kSalvage);
+    located(input_, e.offset, name, [&] {
+      read_layer(input_, info, layer_);
+      if (read_as<BlockHeader>(layer_).payload_hash == e.stored_hash) return;
+      throw Error(ErrorCode::kDamaged, "the block is not the one the index names");
+    });
     renumber_block(layer_, commit.at.footer.commits);
     output_.write(layer_);
     return known->second;
   }
 
   const InputFile& input_;
-  const std::function<bool()>& cancelled_;
+  const CompactOptions& options_;
   OutputBlocks output_;
   std::vector<std::byte> block_, buffer_, layer_;
   std::unordered_map<BlockKey, std::uint64_t, BlockKeyHash> blocks_;
@@ -182,13 +217,25 @@ std::vector<FooterAt> kept(const std::vector<FooterAt>& commits, std::uint64_t k
   return result;
 }
 
+/// Before any of them is read: no commit added more layers than it has, nor more than its bytes hold.
+void check_layers(const std::vector<FooterAt>& commits, std::uint64_t max_memory_bytes) {
+  constexpr std::uint64_t kLeastBlockBytes = 128;
+  std::uint64_t layers = 0, from = 0;
+  for (const FooterAt& at : commits) {
+    layers += std::min(at.footer.layers, (at.end() - from) / kLeastBlockBytes);
+    from = at.end();
+  }
+  check_budget(max_memory_bytes, kBytesAtWork + layers * kBytesALayer, kTooMuch);
+}
+
 CompactReport compact(const InputFile& input, const FooterAt& last, OutputFile output,
                       const CompactOptions& options) {
   const std::vector<FooterAt> commits = last_of_each(footer_chain(input, last));
   const MapHeader newest = header_of(input, last);
   const Tags tags = located(input, last.footer.header_offset, "", [&] { return tags_of(newest); });
   const std::vector<FooterAt> chosen = kept(commits, options.keep, tags);
-  Compactor compactor(input, std::move(output), options.cancelled);
+  check_layers(chosen, options.max_memory_bytes);
+  Compactor compactor(input, std::move(output), options);
   for (const FooterAt& at : chosen) compactor.copy(at, at.offset == last.offset);
   const CompactReport report{commits.size(), chosen.size(), input.size(), compactor.size(), {}};
   compactor.finish();

@@ -23,11 +23,6 @@ void check_order(const std::vector<MapChanges::Gone>& gone) {
   }
 }
 
-/// Equal stored cells mean the same: a cell that is not stored has the type's background.
-bool means_the_same(const LayerType& a, const LayerType& b) {
-  return a.same_space(b) && (a.policy == Policy::kSum) == (b.policy == Policy::kSum);
-}
-
 }  // namespace
 
 ArchiveMerge::ArchiveMerge(CommitTarget& target, const MapHeader& header, std::vector<MapChanges::Gone> gone)
@@ -38,8 +33,9 @@ ArchiveMerge::ArchiveMerge(CommitTarget& target, const MapHeader& header, std::v
   check_order(gone_);
   const OpenCommit* base = target.base();
   if (base != nullptr && !(base->header.frame == header.frame)) {
-    throw Error(ErrorCode::kIncompatible,
-                "the map has another frame than the archive '" + target.input()->path() + "'")
+    throw Error(ErrorCode::kIncompatible, "the map has another frame than the archive '" +
+                                              target.input()->path() +
+                                              "': " + difference(header.frame, base->header.frame))
         .hint("all commits need the same datum, patch edge, EPSG code and frame id")
         .at(target.input()->path());
   }
@@ -60,7 +56,7 @@ void ArchiveMerge::rank_types(const TypeTable& before, const TypeTable& after) {
   for (const LayerType& type : before) {
     old_ranks_.push_back(rank(type));
     const auto found = after.find(type.name);
-    const bool same = found && means_the_same(type, after[*found]);
+    const bool same = found && type.same_meaning(after[*found]);
     new_types_.push_back(same ? std::optional<TypeId>(*found) : std::nullopt);
   }
 }

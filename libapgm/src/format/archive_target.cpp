@@ -1,5 +1,8 @@
 #include "archive_target.hpp"
 
+#include <filesystem>
+#include <system_error>
+
 #include "apgm/core/error.hpp"
 #include "map_header.hpp"
 #include "preamble.hpp"
@@ -102,14 +105,37 @@ void write_tags(AppendTarget& target, const Tags& tags) {
   target.close(footer_block(footer));
 }
 
+namespace {
+
+/// Runs `work` on a file that was not there before: if it is there when that fails, another made it.
+template <typename Work>
+auto making(const std::string& path, Work work) {
+  try {
+    return work();
+  } catch (const Error& e) {
+    std::error_code error;
+    if (e.code() == ErrorCode::kOutput && !path.empty() && std::filesystem::exists(path, error)) {
+      throw another_writes(path);
+    }
+    throw;
+  }
+}
+
+}  // namespace
+
 CreateTarget::CreateTarget(OutputFile file) {
   blocks_.file.emplace(std::move(file));
   blocks_.write(bytes_of(make_preamble(true)));
 }
 
+CreateTarget::CreateTarget(const std::string& path)
+    : CreateTarget(making(path, [&] { return OutputFile(path, {.overwrite = false, .fsync = true}); })) {
+  path_ = path;
+}
+
 void CreateTarget::close(Bytes footer) {
   blocks_.write(footer);
-  blocks_.file->commit();
+  making(path_, [&] { blocks_.file->commit(); });
 }
 
 }  // namespace apgm::format

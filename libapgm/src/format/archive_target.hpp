@@ -65,6 +65,8 @@ void write_tags(AppendTarget& target, const Tags& tags);
 class CreateTarget final : public CommitTarget {
  public:
   explicit CreateTarget(OutputFile file);
+  /// @throws Error{kOutput} that says so if another made the file meanwhile, here and in `close`
+  explicit CreateTarget(const std::string& path);
 
   const OpenCommit* base() const override { return nullptr; }
   const InputFile* input() const override { return nullptr; }
@@ -73,6 +75,7 @@ class CreateTarget final : public CommitTarget {
   void close(Bytes footer) override;
 
  private:
+  std::string path_;  // empty: not by its path
   OutputBlocks blocks_;
 };
 

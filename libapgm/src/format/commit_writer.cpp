@@ -64,7 +64,6 @@ void CommitWriter::list(const IndexEntry& e) {
 void CommitWriter::flush_page(std::size_t entries) {
   if (entries == 0) return;
   pages_.push_back(append_page(block_, output_.size(), std::span(page_).first(entries), footer_.commits));
-  if (pages_.size() > kMaxPages) throw Error(ErrorCode::kLimit, "a file holds at most 2^20 index pages");
   write_block();
   page_.erase(page_.begin(), page_.begin() + static_cast<std::ptrdiff_t>(entries));
 }
@@ -93,6 +92,7 @@ bool CommitWriter::same_index(const Root& root) const {
 
 Footer CommitWriter::finish(const Footer* shared_footer, const Root* shared_root) {
   close_page(true);
+  if (pages_.size() > kMaxPages) throw Error(ErrorCode::kLimit, "a file holds at most 2^20 index pages");
   if (shared_root != nullptr && same_index(*shared_root)) {
     footer_.root_offset = shared_footer->root_offset;
     footer_.root_bytes = shared_footer->root_bytes;

@@ -13,7 +13,7 @@
 
 namespace apgm {
 
-/// A tag is never a number or a time.
+/// A tag starts with a letter, so that it is never a number or a date.
 bool is_tag_name(const std::string& text) {
   constexpr std::size_t kMaxTagName = 64;
   const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
@@ -21,6 +21,8 @@ bool is_tag_name(const std::string& text) {
   return !text.empty() && text.size() <= kMaxTagName && letter(text[0]) &&
          std::all_of(text.begin(), text.end(), [&](char c) { return letter(c) || other(c); });
 }
+
+bool may_be_given(const std::string& tag) { return is_tag_name(tag) && tag != "now"; }
 
 }  // namespace apgm
 

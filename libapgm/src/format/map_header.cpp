@@ -145,7 +145,7 @@ BlockHeader append_map_header(std::vector<std::byte>& out, const MapHeader& head
 MapHeader read_map_header(Bytes bytes) { return read_map_header(parse_block(bytes, Kind::kMapHeader)); }
 
 MapHeader read_map_header(const Block& block) {
-  if (!block.body.empty() || block.meta.size() > kMaxHeaderBytes + 8) fail("the map header is malformed");
+  if (!block.body.empty() || block.meta.size() > kMaxHeaderBytes) fail("the map header is malformed");
   constexpr auto kMaxTables =
       static_cast<flatbuffers::uoffset_t>(TypeTable::kMaxTypes + kMaxMetadata + kMaxHistory + 1);
   // A block that came down a wire may lie at any address.

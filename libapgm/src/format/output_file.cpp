@@ -27,6 +27,8 @@ constexpr std::size_t kBufferBytes = std::size_t{1} << 18;
   e.at(path);
   if (error == ENOSPC || error == EDQUOT)
     e.hint("free some space or choose another place; nothing was written");
+  if (error == EFBIG)
+    e.hint("raise the limit of file sizes of this process ('ulimit -f'), or choose another file system");
   throw e;
 }
 

@@ -49,14 +49,17 @@ void parallel_for(std::size_t n, int threads, const std::function<void(std::size
   if (error) std::rethrow_exception(error);
 }
 
-void check_budget(std::uint64_t max_bytes, std::uint64_t need) {
-  if (max_bytes == 0 || need <= max_bytes) return;
-  throw over_budget("the memory budget does not hold the list of the file's blocks", need);
+void check_list(std::uint64_t max_bytes, std::uint64_t held, std::uint64_t done, std::uint64_t total) {
+  if (max_bytes == 0 || held <= max_bytes) return;
+  const double whole = static_cast<double>(held) * static_cast<double>(std::max(done, total)) /
+                       static_cast<double>(std::max<std::uint64_t>(done, 1));
+  check_budget(max_bytes, static_cast<std::uint64_t>(whole),
+               "the list of the file's blocks is held in memory");
 }
 
 int decoding_threads(std::uint64_t max_bytes, std::uint64_t held, std::uint64_t layer_bytes, int threads) {
   if (max_bytes == 0) return threads;
-  check_budget(max_bytes, held);
+  check_list(max_bytes, held, 1, 1);
   const std::uint64_t at_work = 4 * std::max<std::uint64_t>(1, layer_bytes);
   if (at_work > max_bytes - held) {
     throw over_budget("the memory budget does not hold the largest layer while it is decoded",

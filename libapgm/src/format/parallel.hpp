@@ -53,9 +53,10 @@ class Spares {
   std::size_t made_ = 0;
 };
 
-/// For what walks a file block by block.
-/// @throws over_budget() if a bound of `max_bytes` (0: none) does not hold `need`; names the least that does
-void check_budget(std::uint64_t max_bytes, std::uint64_t need);
+/// For what walks a file and keeps a list of its blocks: checks what is held after `done` of `total` bytes.
+/// @throws over_budget() if a bound of `max_bytes` (0: none) does not hold that; names what the whole list
+///         takes if the rest of the file is like the beginning
+void check_list(std::uint64_t max_bytes, std::uint64_t held, std::uint64_t done, std::uint64_t total);
 
 /// Threads that may decode layers of up to `layer_bytes` of values at once beside `held` bytes; a codec holds
 /// some copies of the layer at hand.

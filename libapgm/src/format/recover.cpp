@@ -107,7 +107,7 @@ struct Recovery::State {
 
   void tell(std::uint64_t done) const {
     plan.check_cancelled();
-    check_budget(options.max_memory_bytes, salvage.memory_bytes());
+    check_list(options.max_memory_bytes, salvage.memory_bytes(), done, file.size());
     if (options.progress) options.progress(done, 2 * file.size());
   }
 

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <iterator>
+#include <set>
 
 #include "content_id.hpp"
 #include "map_header.hpp"
@@ -31,6 +32,11 @@ void RecoverPlan::find_newest() {
     if (at->commit == newest_) footer_ = footer_of(salvage_, *at);
   }
   report_.commit = newest_;
+  std::set<std::uint64_t> older;  // one commit may have several footers
+  for (const FoundBlock& footer : salvage_.footers) {
+    if (footer.commit < newest_) older.insert(footer.commit);
+  }
+  report_.older_commits = older.size();
 }
 
 std::string RecoverPlan::stated_id() const { return footer_ ? to_hex(footer_->content_id) : std::string(); }

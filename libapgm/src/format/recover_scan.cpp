@@ -21,7 +21,7 @@ constexpr std::uint64_t kProgressBytes = std::uint64_t{16} << 20;
 bool too_large(const BlockHeader& h) {
   switch (h.kind) {
     case Kind::kMapHeader:
-      return h.payload_bytes > kMaxHeaderBytes + 8;
+      return h.payload_bytes > kMaxHeaderBytes;
     case Kind::kLayer:
       return h.payload_bytes > Layer::kMaxBytes + Layer::kMaxBytes / 16 + 16'384;
     case Kind::kIndexPage:

@@ -5,11 +5,6 @@ namespace {
 
 constexpr std::uint16_t kNoType = 0xffff;  // a table holds at most 4096
 
-bool same_meaning(const LayerType& a, const LayerType& b) {
-  if (!a.same_space(b)) return false;
-  return (a.policy == Policy::kSum) == (b.policy == Policy::kSum);
-}
-
 }  // namespace
 
 /// The last table of each commit whose header is whole.
@@ -31,9 +26,9 @@ void RecoverPlan::read_table(std::uint64_t commit, const TypeTable& types) {
   for (const LayerType& type : types) {
     const auto number = static_cast<std::uint16_t>(numbers.size());
     const auto id = header.types.find(type.name);
-    numbers.push_back(id && same_meaning(header.types[*id], type) ? *id : kNoType);
-    const auto [at, is_new] = agreed_.try_emplace(number, type, false);
-    if (!is_new && !same_meaning(at->second.type, type)) at->second.differs = true;
+    numbers.push_back(id && header.types[*id].same_meaning(type) ? *id : kNoType);
+    const auto [at, is_new] = agreed_.try_emplace(number, Agreed{type, false});
+    if (!is_new && !at->second.type.same_meaning(type)) at->second.differs = true;
   }
   table_of_[commit] = &*tables_.insert(std::move(numbers)).first;
 }
@@ -48,7 +43,7 @@ std::optional<std::uint16_t> RecoverPlan::type_in_map(const FoundLayer& layer) c
   } else if (const auto agreed = agreed_.find(number); agreed != agreed_.end() && !agreed->second.differs) {
     const LayerType& type = agreed->second.type;
     const auto found = header.types.find(type.name);
-    if (found && same_meaning(header.types[*found], type)) id = *found;
+    if (found && header.types[*found].same_meaning(type)) id = *found;
   }
   if (id == kNoType) return std::nullopt;
   return id;

@@ -17,16 +17,10 @@ namespace {
 
 constexpr int kLevel = 3;  // zstd
 
-/// Layers of one can stand under the other.
-bool fits(const LayerType& from, const LayerType& to) {
-  return from.same_space(to) &&
-         (from.is_evidence() || (from.policy == Policy::kSum) == (to.policy == Policy::kSum));
-}
-
 /// The place of `type`, of another table, in `types`.
 std::optional<TypeId> fitting(const LayerType& type, const TypeTable& types) {
   const auto id = types.find(type.name);
-  return id && fits(type, types[*id]) ? id : std::nullopt;
+  return id && type.same_meaning(types[*id]) ? id : std::nullopt;
 }
 
 }  // namespace

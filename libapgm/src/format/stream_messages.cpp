@@ -12,11 +12,17 @@ namespace {
 
 [[noreturn]] void fail(const char* what) { throw Error(ErrorCode::kDamaged, what); }
 
+/// Of all blocks but layers and parts.
+void check_no_key(const Block& block) {
+  if (block.header.key != 0) fail("a block that is of no patch has a key");
+}
+
 std::pair<std::uint64_t, TypeId> place(const GoneRecord& r) { return {curve_key({r.ix, r.iy}), r.type}; }
 
 }  // namespace
 
 std::shared_ptr<const StreamHeader> read_stream_header(const Block& block) {
+  check_no_key(block);
   if (block.header.context != block.header.payload_hash) fail("a map header is not under its own hash");
   auto read = std::make_shared<StreamHeader>();
   read->header = read_map_header(block);
@@ -44,6 +50,7 @@ LayerBlock read_stream_layer(const Block& block, const TypeTable& types) {
 }
 
 std::vector<GoneRecord> read_gone(const Block& block, const TypeTable& types) {
+  check_no_key(block);
   const std::size_t count = block.body.size() / sizeof(GoneRecord);
   if (!block.meta.empty() || count == 0 || count > kMaxGoneRecords ||
       block.body.size() % sizeof(GoneRecord) != 0) {
@@ -62,6 +69,7 @@ std::vector<GoneRecord> read_gone(const Block& block, const TypeTable& types) {
 }
 
 EndBody read_end(const Block& block) {
+  check_no_key(block);
   if (!block.meta.empty() || block.body.size() != sizeof(EndBody)) fail("the end of a message is malformed");
   const auto end = read_as<EndBody>(block.body);
   const std::uint64_t commit = block.header.commit;
@@ -70,6 +78,16 @@ EndBody read_end(const Block& block) {
     fail("the end of a message is malformed");
   }
   return end;
+}
+
+void check_other(const Block& block) {
+  if (block.header.kind >= Kind::kMapHeader && block.header.kind <= Kind::kEnd) {
+    fail("a block of a file in a stream");
+  }
+  if (block.header.flags != 0) {
+    throw Error(ErrorCode::kUnsupported, "a block of an unknown kind that must be understood");
+  }
+  check_no_key(block);
 }
 
 std::string id_text(const std::array<std::byte, 16>& id) {

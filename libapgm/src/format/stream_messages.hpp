@@ -24,6 +24,8 @@ std::shared_ptr<const StreamHeader> read_stream_header(const Block& block);
 LayerBlock read_stream_layer(const Block& block, const TypeTable& types);
 std::vector<GoneRecord> read_gone(const Block& block, const TypeTable& types);
 EndBody read_end(const Block& block);
+/// A block that is none of these, and no Part: of a kind that may be passed over.
+void check_other(const Block& block);
 
 /// Content id as text; of zeros an empty one, and back.
 std::string id_text(const std::array<std::byte, 16>& id);

@@ -25,6 +25,7 @@ Parts::Group Parts::shape_of(const Block& part, const PartHead& head, std::uint6
   group.count = head.count;
   group.bytes = head.bytes;
   group.context = part.header.context;
+  group.key = part.header.key;
   const std::uint64_t others = head.count - 1;
   const bool is_last = head.index == others;
   if (is_last && (size > head.bytes || (head.bytes - size) % others != 0))
@@ -46,7 +47,7 @@ std::optional<Parts::Whole> Parts::add(const Block& part, std::uint64_t number) 
   const auto [it, is_new] = groups_.try_emplace(last, shape);
   Group& group = it->second;
   if (!is_new && (group.count != shape.count || group.bytes != shape.bytes || group.share != shape.share ||
-                  group.context != shape.context)) {
+                  group.context != shape.context || group.key != shape.key)) {
     fail("a part does not fit the others of its block");
   }
   const Bytes piece = part.body.subspan(sizeof(PartHead));

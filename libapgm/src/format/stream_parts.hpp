@@ -37,6 +37,7 @@ class Parts {
     std::uint64_t bytes = 0;
     std::uint64_t share = 0;  ///< bytes of every part but the last
     std::uint64_t context = 0;
+    std::uint64_t key = 0;
     std::map<std::uint32_t, std::vector<std::byte>> pieces;
   };
   Group shape_of(const Block& part, const PartHead& head, std::uint64_t number) const;

@@ -140,7 +140,7 @@ struct StreamReader::State final : Framer::Taker {
       joined = check_block(whole->bytes);
       if (joined.header.kind == Kind::kPart ||
           joined.header.commit != stream_commit(*session, whole->number) ||
-          joined.header.context != block.header.context) {
+          joined.header.context != block.header.context || joined.header.key != block.header.key) {
         throw Error(ErrorCode::kDamaged, "parts do not make the block they belong to");
       }
     });
@@ -175,13 +175,6 @@ struct StreamReader::State final : Framer::Taker {
       }
       default:
         if (checked([&] { check_other(block); })) accepted();
-    }
-  }
-
-  static void check_other(const Block& block) {
-    if (block.header.kind <= Kind::kEnd) throw Error(ErrorCode::kDamaged, "a block of a file in a stream");
-    if (block.header.flags != 0) {
-      throw Error(ErrorCode::kUnsupported, "a block of an unknown kind that must be understood");
     }
   }
 

@@ -76,7 +76,7 @@ void Verification::walk(std::uint64_t end, const FooterAt* last) {
           check_cancelled();
           blocks += parts[i].table.size() - counted;
           counted = parts[i].table.size();
-          check_budget(options_.max_memory_bytes, 2 * blocks * sizeof(Seen));
+          check_list(options_.max_memory_bytes, 2 * blocks * sizeof(Seen), now, file_.size());
           if (options_.progress && std::this_thread::get_id() == caller) options_.progress(now, file_.size());
         });
       },

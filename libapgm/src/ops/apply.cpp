@@ -10,10 +10,14 @@
 #include "apgm/format/content_id.hpp"
 #include "apgm/format/gone_list.hpp"
 #include "lockstep.hpp"
+#include "quoted.hpp"
 #include "totals.hpp"
 #include "type_twins.hpp"
 
 namespace apgm {
+
+using ops::quoted;
+
 namespace {
 
 constexpr const char* kBaseKey = "apgm.base";
@@ -23,8 +27,6 @@ constexpr std::array kKeys{kBaseKey, kResultKey, kGoneKey};
 [[noreturn]] void fail(ErrorCode code, const std::string& message, const std::string& hint = {}) {
   throw Error(code, message).hint(hint);
 }
-
-std::string quoted(const std::string& name) { return name.starts_with("the ") ? name : "'" + name + "'"; }
 
 /// Takes a content id out of the metadata.
 std::string take_id(MapHeader& header, const char* key, const ApplyNames& names) {
@@ -156,7 +158,9 @@ void AppliedSource::State::open(const ApplyNames& names) {
   result_id = take_id(header, kResultKey, names);
   check_base(base, base_id, result_id, names);
   if (header.frame != base.header().frame) {
-    fail(ErrorCode::kIncompatible, quoted(names.delta) + " is for a map with another frame");
+    fail(ErrorCode::kIncompatible, quoted(names.delta) + " is for a map with another frame than " +
+                                       quoted(names.base) + ": " +
+                                       difference(header.frame, base.header().frame));
   }
   const std::vector<MapChanges::Gone> gone = take_gone(header);
   match_types();

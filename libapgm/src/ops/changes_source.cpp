@@ -4,6 +4,7 @@
 
 #include "apgm/core/error.hpp"
 #include "lockstep.hpp"
+#include "quoted.hpp"
 #include "totals.hpp"
 #include "type_twins.hpp"
 
@@ -127,11 +128,14 @@ ChangesSource::State::Verdict ChangesSource::State::verdict(const LayerInfo& inf
   return same_cells(base_cells, other_cells) ? Verdict::kEqual : Verdict::kChanged;
 }
 
-ChangesSource::ChangesSource(const PatchSource& base, const PatchSource& other, const RunOptions& run)
+ChangesSource::ChangesSource(const PatchSource& base, const PatchSource& other, const RunOptions& run,
+                             const ChangesNames& names)
     : state_(std::make_unique<State>(base, other)) {
   if (base.header().frame != other.header().frame) {
-    throw Error(ErrorCode::kIncompatible, "the two maps have different frames")
-        .hint("both need the same datum, edge, EPSG code and frame id");
+    throw Error(ErrorCode::kIncompatible, ops::quoted(names.other) + " has another frame than " +
+                                              ops::quoted(names.base) + ": " +
+                                              difference(other.header().frame, base.header().frame))
+        .hint("both need the same datum, patch edge, EPSG code and frame id");
   }
   state_->walk(run);
 }

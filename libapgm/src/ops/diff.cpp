@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/fuse/resample.hpp"
 #include "diff_cells.hpp"
 #include "diff_plan.hpp"
@@ -315,9 +316,32 @@ StreamSize size_of(const DiffPlan& plan) {
     for (const std::uint64_t bytes : largest_layers(*source)) most = std::max(most, bytes);
   }
   const std::uint64_t one[] = {most};
-  // Both layers and a resampled one; what a sink is told takes two floats a cell.
+  // Both layers and a resampled one, and what a sink is told of each cell.
   return {plan.reference->summary().patches + plan.other->summary().patches,
           job_bytes(one, 3) + (plan.drawn ? most * sizeof(CellDiff) / sizeof(float) : 0)};
+}
+
+/// Patches that either map can hold where it is looked at.
+std::uint64_t most_patches(const DiffPlan& plan) {
+  const Summary a = plan.reference->summary(), b = plan.other->summary();
+  PatchRange range = a.range;
+  range.add(b.range);
+  if (plan.range) {
+    range.min = {std::max(range.min.x, plan.range->min.x), std::max(range.min.y, plan.range->min.y)};
+    range.max = {std::min(range.max.x, plan.range->max.x), std::min(range.max.y, plan.range->max.y)};
+  }
+  if (range.empty()) return 0;
+  const double area = (1.0 + range.max.x - range.min.x) * (1.0 + range.max.y - range.min.y);
+  return static_cast<std::uint64_t>(std::min(static_cast<double>(a.patches + b.patches), area));
+}
+
+/// What is left of a budget beside the places that changed.
+RunOptions beside_regions(const StreamSize& size, std::uint64_t region_bytes, const RunOptions& run) {
+  RunOptions rest = run;
+  check_budget(run.max_memory_bytes, region_bytes + size.job_bytes + size.thread_bytes,
+               "the places that changed are listed to find regions");
+  if (run.max_memory_bytes != 0) rest.max_memory_bytes -= region_bytes;
+  return rest;
 }
 
 }  // namespace
@@ -332,7 +356,13 @@ DiffReport diff(const DiffInput& reference, const DiffInput& other, const DiffOp
   DiffReport report;
   report.header_differences = plan.header_differences;
   ops::Diff stream(plan, reference, other, options);
-  ops::run_stream(stream, ops::size_of(plan), run);
+  const ops::StreamSize size = ops::size_of(plan);
+  if (options.regions) {
+    const std::uint64_t bytes = ops::RegionFinder::most_bytes(ops::most_patches(plan));
+    ops::run_stream(stream, size, ops::beside_regions(size, bytes, run));
+  } else {
+    ops::run_stream(stream, size, run);
+  }
   stream.report(reference.source->header().frame, report);
   return report;
 }

@@ -5,7 +5,6 @@
 
 #include "provenance.hpp"
 #include "shifted_source.hpp"
-#include "transfer.hpp"
 
 namespace apgm::ops {
 namespace {
@@ -88,7 +87,7 @@ void join_types(const DiffInput& a, const DiffInput& b, const DiffOptions& optio
     if (!wanted(type)) continue;
     all.push_back(type);
     const auto twin = right.find(type.name);
-    if (!twin || (right[*twin].same_space(type) && same_backgrounds(right[*twin], type))) continue;
+    if (!twin || right[*twin].same_meaning(type)) continue;
     fail(a, b, "layer '" + type.name + "' stands for other hypotheses, channels or heights",
          "name the layers to compare with --layer");
   }

@@ -137,6 +137,14 @@ void PatchBlocks::join(const PatchBlocks& other) {
   }
 }
 
+std::uint64_t RegionFinder::most_bytes(std::uint64_t patches) {
+  // The list with the room it grew into; its spots, sets and extents; what is given back.
+  constexpr std::uint64_t kABlock =
+      2 * sizeof(Entry) + sizeof(Spot) + sizeof(std::uint32_t) + sizeof(Extent) + sizeof(DiffRegion);
+  return kABlock *
+         std::min<std::uint64_t>(64 * std::min<std::uint64_t>(patches, kMostBlocks), kMostBlocks + 64);
+}
+
 void RegionFinder::add(PatchIndex patch, const PatchBlocks& blocks) {
   if (blocks.empty()) return;
   const std::size_t first = entries_.size();

@@ -34,11 +34,15 @@ class PatchBlocks {
   bool any_ = false;
 };
 
-/// Collects changed blocks and finds those that touch, also at corners. Keeps 24 bytes a block; beyond
-/// `most_blocks` blocks are joined 2 x 2, down to one a patch.
+/// Collects changed blocks and finds those that touch, also at corners. Keeps 24 bytes a block, and takes
+/// some 160 to answer; beyond `most_blocks` blocks are joined 2 x 2, down to one a patch.
 class RegionFinder {
  public:
-  explicit RegionFinder(std::size_t most_blocks = std::size_t{1} << 20) : most_blocks_(most_blocks) {}
+  static constexpr std::size_t kMostBlocks = std::size_t{1} << 20;
+
+  explicit RegionFinder(std::size_t most_blocks = kMostBlocks) : most_blocks_(most_blocks) {}
+  /// Most memory it and its answer take for that many patches.
+  static std::uint64_t most_bytes(std::uint64_t patches);
 
   /// Patches in key order.
   void add(PatchIndex patch, const PatchBlocks& blocks);

@@ -32,7 +32,6 @@ struct MergeJob final : Job {
   std::vector<PatchInfo> patches;    ///< by lane
   std::vector<std::uint32_t> lanes;  ///< that hold the patch, ascending
   std::vector<Claim> claims;
-  std::vector<Layer> loaded;
   std::vector<FuseInput> inputs;
   LayerFuser fuser;
   std::vector<Conflict> conflicts;
@@ -118,18 +117,18 @@ void Merge::fuse(std::span<const Claim> claims, MergeJob& job) const {
     pass_layer(*first.source, only, type, sink_, as_stored, job);
     return;
   }
-  if (job.loaded.size() < claims.size()) job.loaded.resize(claims.size());
+  if (job.desk.loaded.size() < claims.size()) job.desk.loaded.resize(claims.size());
   job.inputs.clear();
   std::int64_t stamp_ns = 0;
   for (std::size_t i = 0; i < claims.size(); ++i) {
     const Lane& lane = plan_.lanes[claims[i].lane];
     const LayerInfo& info = *claims[i].info;
     const LayerType& own = lane.source->header().types[info.type];
-    lane.source->load(info, job.loaded[i]);
+    lane.source->load(info, job.desk.loaded[i]);
     // A shifted or regridded input may name layers that turn out empty: they must not decide the resolution.
-    if (is_vacuous(job.loaded[i], own)) continue;
+    if (is_vacuous(job.desk.loaded[i], own)) continue;
     stamp_ns = job.inputs.empty() ? info.stamp_ns : std::max(stamp_ns, info.stamp_ns);
-    job.inputs.push_back({&job.loaded[i], &own, lane.alpha});
+    job.inputs.push_back({&job.desk.loaded[i], &own, lane.alpha});
   }
   if (job.inputs.empty()) return;
   Conflict* conflict = nullptr;
@@ -137,12 +136,12 @@ void Merge::fuse(std::span<const Claim> claims, MergeJob& job) const {
     if (job.conflict_count == job.conflicts.size()) job.conflicts.emplace_back();
     conflict = &job.conflicts[job.conflict_count++];
   }
-  const CombineReport fused = job.fuser.fuse(job.inputs, plan_.required, plan_.options.rule, job.scratch,
+  const CombineReport fused = job.fuser.fuse(job.inputs, plan_.required, plan_.options.rule, job.desk.scratch,
                                              conflict != nullptr ? &conflict->k : nullptr);
   job.total_conflicts += fused.total_conflicts;
   if (conflict != nullptr) {
     conflict->type = type;
-    conflict->step = job.scratch.step();
+    conflict->step = job.desk.scratch.step();
   }
   pack_scratch(type, stamp_ns, sink_, job);
 }

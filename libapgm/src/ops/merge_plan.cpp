@@ -121,7 +121,7 @@ void map_types(const TypeTable& to, MergePlan::State::Lane& lane) {
   for (const LayerType& type : lane.source->header().types) {
     const TypeId id = *to.find(type.name);
     lane.types.push_back(id);
-    lane.stored_ok.push_back(ops::same_backgrounds(type, to[id]));
+    lane.stored_ok.push_back(type.same_backgrounds(to[id]));
   }
 }
 

@@ -1,5 +1,6 @@
 #include "pipeline.hpp"
 
+#include <oneapi/tbb/enumerable_thread_specific.h>
 #include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/parallel_pipeline.h>
 #include <oneapi/tbb/task_arena.h>
@@ -30,14 +31,17 @@ void clear(Job& job) {
   job.error = nullptr;
 }
 
-/// Drives the stages of one stream; each member is called by one thread at a time, save `work`.
-class Runner {
+/// The stages of a stream with what every run does beside them: cancelling, findings, progress, and failures
+/// in order.
+class Runner final : public Stream {
  public:
   Runner(Stream& stream, const StreamSize& size, const RunOptions& run)
       : stream_(stream), total_(size.patches), run_(run) {}
 
+  std::unique_ptr<Job> make_job() const override { return stream_.make_job(); }
+
   /// Failures travel with the job, so that an earlier patch's own failure comes first.
-  bool produce(Job& job) {
+  bool produce(Job& job) override {
     if (ended_) return false;
     clear(job);
     try {
@@ -53,7 +57,7 @@ class Runner {
     }
   }
 
-  void work(Job& job) const {
+  void work(Job& job) const override {
     if (job.error) return;
     try {
       stream_.work(job);
@@ -62,7 +66,7 @@ class Runner {
     }
   }
 
-  void consume(Job& job) {
+  void consume(Job& job) override {
     if (run_.findings) {
       for (const Finding& finding : job.findings) run_.findings(finding);
     }
@@ -80,10 +84,19 @@ class Runner {
   bool ended_ = false;
 };
 
+std::size_t run_serial(Stream& stages) {
+  const std::unique_ptr<Job> job = stages.make_job();
+  while (stages.produce(*job)) {
+    stages.work(*job);
+    stages.consume(*job);
+  }
+  return 1;
+}
+
 /// Jobs at rest. Producer and consumer may run at the same time.
 class JobPool {
  public:
-  explicit JobPool(const Stream& stream) : stream_(stream) {}
+  explicit JobPool(const Stream& stages) : stages_(stages) {}
   /// A failure leaves jobs between stages.
   ~JobPool() {
     for (const auto& job : jobs_) receive(job.get());
@@ -94,7 +107,7 @@ class JobPool {
   Job* take() {
     const std::scoped_lock lock(mutex_);
     if (free_.empty()) {
-      jobs_.push_back(stream_.make_job());
+      jobs_.push_back(stages_.make_job());
       free_.reserve(jobs_.size());
       return jobs_.back().get();
     }
@@ -109,46 +122,41 @@ class JobPool {
   std::size_t made() const { return jobs_.size(); }
 
  private:
-  const Stream& stream_;
+  const Stream& stages_;
   std::mutex mutex_;
   std::vector<std::unique_ptr<Job>> jobs_;
   std::vector<Job*> free_;
 };
 
-std::size_t run_serial(Stream& stream, Runner& runner) {
-  const std::unique_ptr<Job> job = stream.make_job();
-  while (runner.produce(*job)) {
-    runner.work(*job);
-    runner.consume(*job);
-  }
-  return 1;
-}
-
 /// Stands for the start of a pipeline. No member of a closure: TBB's copies of these are read behind it.
 const char kStart{};
 
-std::size_t run_parallel(Stream& stream, Runner& runner, std::size_t threads, std::size_t tokens) {
+std::size_t run_parallel(Stream& stages, std::size_t threads, std::size_t tokens) {
   namespace tbb = oneapi::tbb;
-  JobPool pool(stream);
+  JobPool pool(stages);
+  tbb::enumerable_thread_specific<Desk> desks;
   const char first{}, last{};  // addresses that stand for what TBB keeps in order
   const auto produce = [&](tbb::flow_control& flow) -> Job* {
     receive(&kStart);
     const Turn turn(&first);
     Job* job = pool.take();
     const Turn of_job(job);
-    if (runner.produce(*job)) return job;
+    if (stages.produce(*job)) return job;
     pool.give(job);
     flow.stop();
     return nullptr;
   };
   const auto work = [&](Job* job) {
     const Turn of_job(job);
-    runner.work(*job);
+    Desk& desk = desks.local();
+    std::swap(job->desk, desk);
+    stages.work(*job);
+    std::swap(job->desk, desk);
     return job;
   };
   const auto consume = [&](Job* job) {
     const Turn of_job(job), turn(&last);
-    runner.consume(*job);
+    stages.consume(*job);
     pool.give(job);
   };
   hand_over(&kStart);
@@ -200,8 +208,7 @@ std::size_t run_stream(Stream& stream, const StreamSize& size, const RunOptions&
   const std::size_t threads = thread_count(run);
   const std::size_t tokens = token_limit(size, threads, run);
   Runner runner(stream, size, run);
-  return tokens == 1 ? run_serial(stream, runner)
-                     : run_parallel(stream, runner, std::min(threads, tokens), tokens);
+  return tokens == 1 ? run_serial(runner) : run_parallel(runner, std::min(threads, tokens), tokens);
 }
 
 std::vector<std::uint64_t> largest_layers(const PatchSource& source) {
@@ -265,18 +272,18 @@ void pass_layer(const PatchSource& source, const LayerInfo& info, TypeId type, c
     });
   }
   if (stored) return;
-  source.load(info, job.scratch);
+  source.load(info, job.desk.scratch);
   pack_scratch(type, info.stamp_ns, sink, job);
 }
 
 void pack_scratch(TypeId type, std::int64_t stamp_ns, const PatchSink& sink, Job& job) {
-  job.scratch.stamp_ns = stamp_ns;
+  job.desk.scratch.stamp_ns = stamp_ns;
   add_parcel(type, stamp_ns, job, [&](Parcel& parcel) {
     parcel.state = Parcel::State::kCells;
-    std::swap(parcel.cells, job.scratch);
+    std::swap(parcel.cells, job.desk.scratch);
     sink.pack(parcel);
     // A sink that encodes leaves the buffer for the next layer; one that keeps cells needs it until `put`.
-    if (parcel.state != Parcel::State::kCells) std::swap(parcel.cells, job.scratch);
+    if (parcel.state != Parcel::State::kCells) std::swap(parcel.cells, job.desk.scratch);
   });
 }
 

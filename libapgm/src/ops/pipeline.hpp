@@ -26,6 +26,13 @@ class ParcelList {
   std::size_t count_ = 0;
 };
 
+/// Cells at work. Each thread has its own, which the job holds while that thread is in `work`: their memory
+/// is few and warm, however many jobs are in flight.
+struct Desk {
+  Layer scratch;              ///< on its way into a parcel
+  std::vector<Layer> loaded;  ///< for operations that read more than one layer at once
+};
+
 /// One patch on its way through a Stream. Operations derive from it what else they need.
 struct Job {
   virtual ~Job() = default;
@@ -34,7 +41,7 @@ struct Job {
   std::uint64_t source_patches = 1;  ///< what the job counts for in the progress
   ParcelList parcels;
   std::uint64_t layers_stored = 0;  ///< of the parcels, passed on as stored bytes
-  Layer scratch;                    ///< cells on their way into a parcel
+  Desk desk;                        ///< of the thread in `work`; holds leftovers
   std::vector<Finding> findings;    ///< of `work`, handed to the caller in key order
   std::exception_ptr error;         ///< of `produce` or `work`, thrown in key order
 };
@@ -86,7 +93,7 @@ std::uint64_t thread_bytes(const PatchSource& source, const PatchSink& sink,
 void pass_layer(const PatchSource& source, const LayerInfo& info, TypeId type, const PatchSink& sink,
                 bool as_stored, Job& job);
 
-/// Adds the cells in `job.scratch` to its parcels, packed, unless they hold no data.
+/// Adds the cells in `job.desk.scratch` to its parcels, packed, unless they hold no data.
 void pack_scratch(TypeId type, std::int64_t stamp_ns, const PatchSink& sink, Job& job);
 
 }  // namespace apgm::ops

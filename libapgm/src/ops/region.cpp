@@ -1,6 +1,7 @@
 #include "region.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace apgm::ops {
 namespace {
@@ -8,6 +9,21 @@ namespace {
 PatchRange intersection(const PatchRange& a, const PatchRange& b) {
   return {{std::max(a.min.x, b.min.x), std::max(a.min.y, b.min.y)},
           {std::min(a.max.x, b.max.x), std::min(a.max.y, b.max.y)}};
+}
+
+/// Takes the cells outside a range out of a mask.
+void drop_outside(const Frame::CellRange& in, std::size_t side, std::vector<std::uint8_t>& keep) {
+  if (in.empty()) {
+    std::ranges::fill(keep, std::uint8_t{0});
+    return;
+  }
+  const auto from = static_cast<std::size_t>(in.min.a), to = static_cast<std::size_t>(in.max.a) + 1;
+  for (std::size_t b = 0; b < side; ++b) {
+    const auto row = std::span(keep).subspan(b * side, side);
+    const bool inside = std::cmp_greater_equal(b, in.min.b) && std::cmp_less_equal(b, in.max.b);
+    std::ranges::fill(inside ? row.first(from) : row, std::uint8_t{0});
+    if (inside) std::ranges::fill(row.subspan(to), std::uint8_t{0});
+  }
 }
 
 }  // namespace
@@ -38,13 +54,7 @@ PolygonArea::Cover Region::mask(PatchIndex patch, int step, std::vector<std::uin
   } else {
     keep.assign(side * side, 1);
   }
-  if (box_) {
-    const Frame::CellRange in = frame_.cells_meeting(patch, step, *box_);
-    for (std::size_t i = 0; i < keep.size(); ++i) {
-      const auto a = static_cast<std::int32_t>(i % side), b = static_cast<std::int32_t>(i / side);
-      keep[i] &= a >= in.min.a && a <= in.max.a && b >= in.min.b && b <= in.max.b;
-    }
-  }
+  if (box_) drop_outside(frame_.cells_meeting(patch, step, *box_), side, keep);
   const auto kept = static_cast<std::size_t>(std::ranges::count(keep, std::uint8_t{1}));
   return kept == 0 ? Cover::kNone : kept == keep.size() ? Cover::kAll : Cover::kPart;
 }

@@ -213,17 +213,17 @@ class RenderStream final : public ops::Stream {
   void work(ops::Job& base) const override {
     auto& job = static_cast<RenderJob&>(base);
     if (!job.has_layer) return;
-    source_.load(job.info, job.scratch);
-    const int step = std::min(job.scratch.step(), std::max(view_.grid.step, 0));
-    const Layer* layer = &job.scratch;
-    if (step != job.scratch.step()) {
-      resample(job.scratch, type_, step, job.merged);
+    source_.load(job.info, job.desk.scratch);
+    const int step = std::min(job.desk.scratch.step(), std::max(view_.grid.step, 0));
+    const Layer* layer = &job.desk.scratch;
+    if (step != job.desk.scratch.step()) {
+      resample(job.desk.scratch, type_, step, job.merged);
       layer = &job.merged;
     }
     if (view_.grid.step >= 0) {
       draw(job.patch, *layer, job.row);  // patches share no pixel: any thread may write its own
-    } else if (layer == &job.scratch) {
-      job.merged = job.scratch;
+    } else if (layer == &job.desk.scratch) {
+      job.merged = job.desk.scratch;
     }
   }
 

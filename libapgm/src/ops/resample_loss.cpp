@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <vector>
+
+#include "fuse/simd.hpp"
 
 namespace apgm {
 
@@ -24,26 +27,48 @@ void count(double change, ResampleLoss& loss) {
 }
 
 /// Sums by column: each is a sum of its own, so that the loop over a row is vector code without any sum being
-/// reordered. Counts are doubles for the same reason.
+/// reordered.
 struct Columns {
-  explicit Columns(std::size_t n) : merged(n), sum(n), most(n), known(n), obstacles(n) {}
-  std::vector<double> merged;  // O - F of the cell of the result
-  std::vector<double> sum, most, known, obstacles;
+  explicit Columns(std::size_t n) : merged(n), clear(n), sum(n), most(n), known(n), obstacles(n) {}
+  std::vector<double> merged;       // O - F of the cell of the result
+  std::vector<std::int32_t> clear;  // 1 where that is no obstacle
+  std::vector<double> sum, most;
+  std::vector<std::int32_t> known, obstacles;
 };
 
-void add_row(const float* o, const float* f, std::size_t n, Columns& columns) {
-  const double* merged = columns.merged.data();
-  double *sum = columns.sum.data(), *most = columns.most.data();
-  double *known = columns.known.data(), *obstacles = columns.obstacles.data();
+APGM_CLONES void add_changes(const float* o, const float* f, const double* merged, std::size_t n, double* sum,
+                             double* most) {
+  APGM_IVDEP
   for (std::size_t a = 0; a < n; ++a) {
     const double before = static_cast<double>(o[a]) - static_cast<double>(f[a]);
-    const double data = o[a] + f[a] > 0.0f ? 1.0 : 0.0;
-    const double change = data * std::fabs(before - merged[a]);
+    const double change = o[a] + f[a] > 0.0f ? std::fabs(before - merged[a]) : 0.0;
     sum[a] += change;
     most[a] = change > most[a] ? change : most[a];
-    known[a] += data;
-    obstacles[a] += (before > 0.0) & (merged[a] <= 0.0) ? 1.0 : 0.0;
   }
+}
+
+APGM_CLONES void add_counts(const float* o, const float* f, const std::int32_t* clear, std::size_t n,
+                            std::int32_t* known, std::int32_t* obstacles) {
+  APGM_IVDEP
+  for (std::size_t a = 0; a < n; ++a) {
+    known[a] += o[a] + f[a] > 0.0f ? 1 : 0;
+    obstacles[a] += o[a] > f[a] ? clear[a] : 0;
+  }
+}
+
+/// Spreads a row of the result over the `n` columns of the layer it came from.
+APGM_CLONES void take_merged(const float* o, const float* f, int levels, std::size_t n, double* merged,
+                             std::int32_t* clear) {
+  const auto difference = [&](std::size_t i) {
+    return static_cast<double>(o[i]) - static_cast<double>(f[i]);
+  };
+  const std::size_t copies = std::size_t{1} << levels;
+  if (copies == 2) {
+    for (std::size_t i = 0; i < n / 2; ++i) merged[2 * i] = merged[2 * i + 1] = difference(i);
+  } else {
+    for (std::size_t i = 0; i < n / copies; ++i) std::fill_n(merged + i * copies, copies, difference(i));
+  }
+  for (std::size_t a = 0; a < n; ++a) clear[a] = merged[a] <= 0.0 ? 1 : 0;
 }
 
 /// {O, F}: BetP(O) = (1 + O - F) / 2, and BetP(F) changes by as much.
@@ -54,22 +79,19 @@ void measure_occupancy(const Layer& native, const Layer& out, ResampleLoss& loss
   for (std::size_t b = 0; b < side; ++b) {
     if ((b & ((std::size_t{1} << levels) - 1)) == 0) {
       const std::size_t row = (b >> levels) * (side >> levels);
-      const float *o = out.plane(0).data() + row, *f = out.plane(1).data() + row;
-      for (std::size_t a = 0; a < side; ++a) {
-        columns.merged[a] = static_cast<double>(o[a >> levels]) - static_cast<double>(f[a >> levels]);
-      }
+      take_merged(out.plane(0).data() + row, out.plane(1).data() + row, levels, side, columns.merged.data(),
+                  columns.clear.data());
     }
-    add_row(native.plane(0).data() + b * side, native.plane(1).data() + b * side, side, columns);
+    const float *o = native.plane(0).data() + b * side, *f = native.plane(1).data() + b * side;
+    add_changes(o, f, columns.merged.data(), side, columns.sum.data(), columns.most.data());
+    add_counts(o, f, columns.clear.data(), side, columns.known.data(), columns.obstacles.data());
   }
-  double known = 0, obstacles = 0;
   for (std::size_t a = 0; a < side; ++a) {
     loss.sum += columns.sum[a] / 2;
     loss.most = std::max(loss.most, columns.most[a] / 2);
-    known += columns.known[a];
-    obstacles += columns.obstacles[a];
+    loss.known_cells += static_cast<std::uint64_t>(columns.known[a]);
+    loss.obstacles += static_cast<std::uint64_t>(columns.obstacles[a]);
   }
-  loss.known_cells += static_cast<std::uint64_t>(known);
-  loss.obstacles += static_cast<std::uint64_t>(obstacles);
 }
 
 /// All parts of a split cell are equal: the first stands for them.

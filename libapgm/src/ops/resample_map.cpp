@@ -13,7 +13,6 @@ namespace {
 struct ResampleJob final : Job {
   PatchInfo info;
   std::vector<ResampledLayer> layers;
-  Layer native;
 };
 
 class Resample final : public Stream {
@@ -57,9 +56,11 @@ class Resample final : public Stream {
       return;
     }
     const LayerType& type = plan_.header.types[info.type];
-    plan_.source->load(info, job.native);
-    resample(job.native, type, *layer.to, job.scratch);
-    layer.loss = measure_loss(job.native, type, job.scratch);
+    if (job.desk.loaded.empty()) job.desk.loaded.resize(1);
+    Layer& native = job.desk.loaded[0];
+    plan_.source->load(info, native);
+    resample(native, type, *layer.to, job.desk.scratch);
+    layer.loss = measure_loss(native, type, job.desk.scratch);
     pack_scratch(info.type, info.stamp_ns, sink_, job);
   }
 

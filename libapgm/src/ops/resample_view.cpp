@@ -10,7 +10,7 @@ PolicyView::PolicyView(const PatchSource& source, TypeTable types)
     : source_(source), header_(source.header()) {
   for (std::size_t t = 0; t < types.size(); ++t) {
     const auto id = static_cast<TypeId>(t);
-    same_.push_back(same_backgrounds(header_.types[id], types[id]));
+    same_.push_back(header_.types[id].same_backgrounds(types[id]));
   }
   header_.types = std::move(types);
 }

@@ -60,12 +60,12 @@ class Counter final : public ops::Stream {
     job.of_layer.assign(job.info.layers.size(), {});
     for (std::size_t i = 0; i < job.info.layers.size(); ++i) {
       const LayerType& type = source_.header().types[job.info.layers[i].type];
-      source_.load(job.info.layers[i], job.scratch);
-      job.of_layer[i].cells = job.scratch.cells();
+      source_.load(job.info.layers[i], job.desk.scratch);
+      job.of_layer[i].cells = job.desk.scratch.cells();
       if (type.is_occupancy()) {
-        count_occupancy(job.scratch, job.of_layer[i]);
+        count_occupancy(job.desk.scratch, job.of_layer[i]);
       } else {
-        count_any(job.scratch, type, job.of_layer[i]);
+        count_any(job.desk.scratch, type, job.of_layer[i]);
       }
     }
   }

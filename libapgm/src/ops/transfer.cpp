@@ -1,6 +1,5 @@
 #include "transfer.hpp"
 
-#include <bit>
 #include <string>
 
 namespace apgm::ops {
@@ -11,21 +10,12 @@ struct Transfer::TransferJob final : Job {
   std::uint64_t damaged = 0;
 };
 
-bool same_backgrounds(const LayerType& a, const LayerType& b) {
-  for (int c = 0; c < static_cast<int>(a.channels.size()); ++c) {
-    if (std::bit_cast<std::uint32_t>(a.background(c)) != std::bit_cast<std::uint32_t>(b.background(c))) {
-      return false;
-    }
-  }
-  return true;
-}
-
 std::vector<std::optional<TypeId>> map_types(const TypeTable& from, const TypeTable& to) {
   std::vector<std::optional<TypeId>> ids;
   ids.reserve(from.size());
   for (const LayerType& type : from) {
     ids.push_back(to.find(type.name));
-    if (ids.back() && !(to[*ids.back()].same_space(type) && same_backgrounds(to[*ids.back()], type))) {
+    if (ids.back() && !to[*ids.back()].same_meaning(type)) {
       throw Error(ErrorCode::kIncompatible, "layer type '" + type.name + "' differs between source and sink");
     }
   }
@@ -97,8 +87,8 @@ void Transfer::pass(const LayerInfo& info, PolygonArea::Cover cover, TransferJob
     pass_layer(source_, info, type, sink_, !reencode && sink_.takes_stored(), job);
     return;
   }
-  source_.load(info, job.scratch);
-  clip(source_.header().types[info.type], job.keep, job.scratch);
+  source_.load(info, job.desk.scratch);
+  clip(source_.header().types[info.type], job.keep, job.desk.scratch);
   pack_scratch(type, info.stamp_ns, sink_, job);
 }
 

@@ -15,9 +15,6 @@ namespace apgm::ops {
 /// @throws Error{kIncompatible} if one name stands for different hypotheses, channels, heights or backgrounds
 std::vector<std::optional<TypeId>> map_types(const TypeTable& from, const TypeTable& to);
 
-/// True if a cell without data has the same bits in both types, so that stored cells mean the same.
-bool same_backgrounds(const LayerType& a, const LayerType& b);
-
 struct TransferReport {
   std::uint64_t patches = 0;
   std::uint64_t layers = 0;

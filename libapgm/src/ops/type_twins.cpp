@@ -1,7 +1,5 @@
 #include "type_twins.hpp"
 
-#include "transfer.hpp"
-
 namespace apgm::ops {
 
 std::vector<TypeTwin> type_twins(const TypeTable& from, const TypeTable& to) {
@@ -9,10 +7,7 @@ std::vector<TypeTwin> type_twins(const TypeTable& from, const TypeTable& to) {
   twins.reserve(from.size());
   for (const LayerType& type : from) {
     TypeTwin twin{to.find(type.name), false};
-    if (twin.type) {
-      const LayerType& other = to[*twin.type];
-      twin.same_meaning = other.same_space(type) && same_backgrounds(other, type);
-    }
+    if (twin.type) twin.same_meaning = to[*twin.type].same_meaning(type);
     twins.push_back(twin);
   }
   return twins;

@@ -15,6 +15,13 @@ namespace apgm {
 /// @param least_bytes  a budget that holds it
 Error over_budget(std::string what, std::uint64_t least_bytes, const std::string& else_do = {});
 
+/// Checks that a budget holds what is about to be taken.
+/// @param max_bytes  0: no bound
+/// @param what       "'a.png' is held in memory as a whole"
+/// @throws over_budget() that says how much `need` is
+void check_budget(std::uint64_t max_bytes, std::uint64_t need, const std::string& what,
+                  const std::string& else_do = {});
+
 /// The hint of over_budget, taken apart.
 struct BudgetHint {
   std::uint64_t least_mebibytes = 0;

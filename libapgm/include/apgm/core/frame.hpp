@@ -108,6 +108,10 @@ struct Frame {
   friend bool operator==(const Frame&, const Frame&) = default;
 };
 
+/// What two frames differ in, for messages: "frame ids differ ('map' and 'odom'); patch edges differ (12.8 m
+/// and 25.6 m)", with the values of `a` first. Empty if they are equal.
+std::string difference(const Frame& a, const Frame& b);
+
 /// Micrometres nearest to `metres`. @throws Error{kInvalidArgument} if not finite, {kLimit} beyond +-1e9 m
 std::int64_t to_micrometres(double metres);
 

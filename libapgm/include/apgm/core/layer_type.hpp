@@ -64,6 +64,11 @@ struct LayerType {
 
   /// Same name, hypotheses, channels and slab: layers of both can be fused. The policy may differ.
   bool same_space(const LayerType& other) const;
+  /// Same background in every channel, bit by bit, so that cells which are not stored are alike. Both have
+  /// the same channels.
+  bool same_backgrounds(const LayerType& other) const;
+  /// Same space and backgrounds: equal stored cells mean the same under both, and may stand under either.
+  bool same_meaning(const LayerType& other) const { return same_space(other) && same_backgrounds(other); }
   /// @throws Error{kInvalidArgument} if a name, a count or the policy does not fit
   void check() const;
 

@@ -96,8 +96,7 @@ class ArchiveWriter final : public PatchSink, public WorkingMemory {
 /// @param torn    if not null: what was cut off
 /// @return        the number
 /// @throws Error as ArchiveWriter; {kInvalidArgument} if the name is not `[A-Za-z_][A-Za-z0-9_.+-]*` of 1 to
-/// 64
-///         bytes, or there is no such commit
+///         64 bytes or is "now", or there is no such commit
 std::uint64_t tag_commit(const std::string& archive, const std::string& name, std::uint64_t number = 0,
                          TornEnd* torn = nullptr);
 /// Takes a name away. @throws Error{kInvalidArgument} if no commit has it
@@ -108,6 +107,8 @@ struct CompactOptions {
   std::string output = {};  ///< another file, which must not exist; empty: in place
   bool overwrite = false;   ///< replace `output`
   std::function<bool()> cancelled = {};  ///< asked now and then; true stops with Error{kCancelled}
+  std::uint64_t max_memory_bytes = 0;    ///< 0: no bound
+  std::function<void(std::uint64_t done, std::uint64_t total)> progress = {};  ///< bytes; ends early
 };
 
 struct CompactReport {
@@ -120,10 +121,14 @@ struct CompactReport {
 /// order, equal ones once. Numbers, content ids, messages and tags stay. The new file appears whole or not at
 /// all, and no commit of it has another content id than its layers. Memory: some 120 bytes for each layer
 /// that is written.
-/// @throws Error as ArchiveWriter; {kDamaged} if a commit that is kept is not what its content id says
+/// @throws Error as ArchiveWriter; {kDamaged} if a commit that is kept is not what its content id says;
+///         over_budget()
 CompactReport compact_archive(const std::string& archive, const CompactOptions& options = {});
 
-/// True if a text may be a tag.
+/// True if a text may be a tag in a file.
 bool is_tag_name(const std::string& text);
+/// True if a commit may be given that tag: is_tag_name, and not "now", which is a time wherever a commit is
+/// asked for by number, tag or time.
+bool may_be_given(const std::string& tag);
 
 }  // namespace apgm

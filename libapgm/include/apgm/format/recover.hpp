@@ -34,6 +34,7 @@ struct Loss {
 
 struct RecoverReport {
   std::uint64_t commit = 0;              ///< whose state this is, as far as it is there
+  std::uint64_t older_commits = 0;       ///< of an archive, that are left out: those whose footer is whole
   bool index = false;                    ///< an index said which layers belong to it
   std::uint64_t layers = 0;              ///< that are whole
   std::uint64_t repaired = 0;            ///< blocks of which one flipped bit was found by their checksum

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "apgm/core/map_changes.hpp"
@@ -11,6 +12,11 @@
 #include "apgm/ops/run.hpp"
 
 namespace apgm {
+
+struct ChangesNames {
+  std::string base = "the base";  ///< for messages
+  std::string other = "the other map";
+};
 
 /// What brings one map to another: the layers of `other` that `base` lacks or holds with other cells or
 /// another stamp, as a source, and what is gone. Types are matched by name. Where both sources know their
@@ -21,8 +27,9 @@ namespace apgm {
 class ChangesSource final : public PatchSource, public WorkingMemory {
  public:
   /// Walks both indexes once.
-  /// @throws Error{kIncompatible} if the frames differ; {kDamaged|kUnreadable|kCancelled}
-  ChangesSource(const PatchSource& base, const PatchSource& other, const RunOptions& run = {});
+  /// @throws Error{kIncompatible} if the frames differ, and says in what; {kDamaged|kUnreadable|kCancelled}
+  ChangesSource(const PatchSource& base, const PatchSource& other, const RunOptions& run = {},
+                const ChangesNames& names = {});
   ~ChangesSource() override;
 
   /// Layers of `base` that `other` lacks, by (curve_key, name). A layer whose type stands for another space
