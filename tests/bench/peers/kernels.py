@@ -93,7 +93,7 @@ def dempster_rates(bench, page, rates):
         page.skip("numpy's Dempster: python3-numpy is not there")
     page.section("Dempster's rule, cells a second, one core", *table(("", "cells a second"), rows), "",
                  "`library/N`: N layers of 128 x 128 cells, two to one; `scalar_loop`: the same cell by cell, as it is written first. The error",
-                 "against long double is tested: at most 2e-7 at any conflict (`tests/fuse/combine_test.cpp`).")
+                 "against long double is tested: at most 2e-7 at any conflict (`tests/fuse/dempster_test.cpp`).")
 
 
 def measure(bench, page):
