@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstddef>
@@ -50,6 +51,18 @@ APGM_INLINE std::uint32_t dempster_any(const DempsterBlock& at, std::size_t cell
     p.out.f[i] = x_holds ? f : y.f;
   }
   return dead;
+}
+
+/// Two masses by their bits, which have the order of the numbers. Processors that compare floats in the units
+/// that add them order whole numbers in others, at the same time.
+struct Ordered {
+  float greater = 0;
+  float lesser = 0;
+};
+APGM_INLINE Ordered ordered(float a, float b) {
+  const auto p = std::bit_cast<std::int32_t>(a), q = std::bit_cast<std::int32_t>(b);
+  const std::int32_t greater = std::max(p, q);
+  return {std::bit_cast<float>(greater), std::bit_cast<float>(p ^ q ^ greater)};
 }
 
 /// whole - o - f as occupancy() makes it, but below 0 where the masses sum to more than `whole`.
