@@ -18,7 +18,7 @@ import tempfile
 sys.dont_write_bytecode = True
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from peers import data, inout, jobs, kernels, mapping, plot, profile, sizes, tools  # noqa: E402
+from peers import data, inout, jobs, kernels, limits, mapping, plot, profile, sizes, tools  # noqa: E402
 from peers.data import Command  # noqa: E402
 from peers.measure import Bench  # noqa: E402
 from peers.page import Page  # noqa: E402
@@ -106,7 +106,7 @@ def main():
             bench.save(page.figures())
         if curves:
             replace(os.path.join(os.path.dirname(output), "images", "performance_sizes.svg"), plot.sizes_svg(curves, TOOLS))
-        replace(output, page.text(head(bench), []))
+        replace(output, page.text(head(bench), limits.TEXT.splitlines()))
         bench.say(f"wrote {output}")
         os.chdir(root)  # a directory that is removed must not be the current one
 

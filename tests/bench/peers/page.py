@@ -56,18 +56,18 @@ class Page:
     def section(self, title, *lines):
         self.sections.append([f"## {title}", "", *lines, ""])
 
-    def text(self, head, tail):
+    def text(self, head, explained):
         missed = sum(g.met is False for g in self.goals)
         unmeasured = sum(g.met is None for g in self.goals)
         lines = [*head, "## Goals", "",
                  f"{sum(g.met is True for g in self.goals)} met, {missed} missed, {unmeasured} not measured in this run.", "",
                  *table(("work", "ours", "held against", "its figure", "ratio", "goal", ""),
-                        [(*g.cells, g.verdict) for g in self.goals]), ""]
+                        [(*g.cells, g.verdict) for g in self.goals]), "", *explained, ""]
         for section in self.sections:
             lines += section
         if self.skipped:
             lines += ["## Left out", "", *[f"- {s}" for s in self.skipped], ""]
-        return "\n".join([*lines, *tail]).rstrip() + "\n"
+        return "\n".join(lines).rstrip() + "\n"
 
     def figures(self):
         return [{"cells": g.cells, "met": g.met} for g in self.goals]

@@ -64,7 +64,7 @@ def sizes_svg(curves, tools):
     columns = 3
     row = HEIGHT + names * LEGEND + 16
     height = row * ((len(panels) + columns - 1) // columns)
-    out = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH * columns} {height}" width="{WIDTH * columns}" height="{height}" '
+    out = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH * columns + LEGEND} {height}" width="{WIDTH * columns + LEGEND}" height="{height}" '
            'font-family="sans-serif" font-size="11">', '<rect width="100%" height="100%" fill="white"/>']
     for work, series, k in panels:
         out += Panel(work, series, WIDTH * (k % columns), row * (k // columns)).svg()
