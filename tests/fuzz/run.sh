@@ -26,6 +26,9 @@ mkdir -p "$build/finds"
 [ -w /dev/shm ] && export TMPDIR=/dev/shm
 # Freed memory is kept from use for a while, and must not count as needed.
 export ASAN_OPTIONS=quarantine_size_mb=8:malloc_context_size=8:allocator_may_return_null=0
+# APGM_FUZZ_SEED: the same mutations in each run.
+again=()
+[ -z "${APGM_FUZZ_SEED:-}" ] || again=("-seed=$APGM_FUZZ_SEED")
 status=0
 for target in "${targets[@]}"; do
   mkdir -p "$build/corpus/$target"
@@ -38,7 +41,7 @@ for target in "${targets[@]}"; do
     verify | recover) from+=("$seeds/reader" "$seeds/archive") ;;
   esac
   log=$build/finds/$target.log
-  if "$build/bin/fuzz_$target" -max_total_time="$seconds" -timeout=60 -rss_limit_mb=512 -max_len=32768 \
+  if "$build/bin/fuzz_$target" -max_total_time="$seconds" "${again[@]}" -timeout=60 -rss_limit_mb=512 -max_len=32768 \
       -print_final_stats=1 -artifact_prefix="$build/finds/$target-" "${from[@]}" 2>"$log"; then
     result=ok
   else

@@ -150,6 +150,7 @@ struct Recovery::State {
     std::vector<std::string> faults(plan.layers.size());
     std::uint64_t largest = 0;
     for (const Chosen& chosen : plan.layers) {
+      if (chosen.info.step > kMaxStep) continue;  // does not decode
       const std::uint64_t bytes = value_bytes(plan.header.types[chosen.info.type], chosen.info.step);
       largest = std::max(largest, std::min<std::uint64_t>(bytes, Layer::kMaxBytes));
     }
