@@ -60,7 +60,8 @@ class ResampleCliTest : public CliTest {
 TEST_F(ResampleCliTest, BringsEveryLayerToTheResolution) {
   write_random("a.apgm", 3);
   EXPECT_EQ(resample({"--resolution", "1.6"}).code, 0);
-  for (const Json& layer : info("out.apgm")["layers"]) {
+  const Json document = info("out.apgm");
+  for (const Json& layer : document["layers"]) {
     ASSERT_EQ(layer["steps"].size(), 1u);
     EXPECT_GT(layer["steps"]["3"], 0);
   }
