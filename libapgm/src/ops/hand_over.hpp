@@ -41,7 +41,7 @@ class Turn {
 
 /// Receives addresses when it ends, by an exception too.
 struct AtEnd {
-  std::array<const void*, 2> addresses;
+  std::array<const void*, 3> addresses;
   ~AtEnd() { std::ranges::for_each(addresses, receive); }
 };
 

@@ -152,6 +152,7 @@ std::size_t run_parallel(Stream& stages, std::size_t threads, std::size_t tokens
     std::swap(job->desk, desk);
     stages.work(*job);
     std::swap(job->desk, desk);
+    hand_over(&desks);
     return job;
   };
   const auto consume = [&](Job* job) {
@@ -160,7 +161,7 @@ std::size_t run_parallel(Stream& stages, std::size_t threads, std::size_t tokens
     pool.give(job);
   };
   hand_over(&kStart);
-  const AtEnd ended{{&first, &last}};
+  const AtEnd ended{{&first, &last, &desks}};
   tbb::task_arena arena(static_cast<int>(threads));
   arena.execute([&] {
     tbb::parallel_pipeline(tokens,
