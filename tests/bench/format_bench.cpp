@@ -20,6 +20,7 @@
 #include "apgm/format/writer.hpp"
 #include "tests/bench/city.hpp"
 #include "tests/bench/pairs.hpp"
+#include "tests/bench/parcels.hpp"
 
 namespace {
 
@@ -42,16 +43,7 @@ struct Town {
   }
 
   /// Through all of the writer, with one StoredLayer for all layers.
-  void write(Writer& writer) {
-    for (Parcel& parcel : parcels) {
-      parcel.state = Parcel::State::kCells;
-      parcel.stored = std::move(stored);
-      writer.pack(parcel);
-      writer.put(parcel.patch, std::span(&parcel, 1));
-      stored = std::move(parcel.stored);
-    }
-    writer.finish();
-  }
+  void write(Writer& writer) { bench::write_parcels(writer, parcels, stored); }
 
   void copy_planes() {
     for (std::size_t i = 0; i < parcels.size(); ++i) {

@@ -18,6 +18,7 @@
 #include "apgm/format/verify.hpp"
 #include "apgm/format/writer.hpp"
 #include "apgm/ops/copy.hpp"
+#include "parcels.hpp"
 #include "peer.hpp"
 #include "samples/support/program.hpp"
 
@@ -136,17 +137,6 @@ std::vector<Parcel> parcels_of(const Reader& reader) {
   return parcels;
 }
 
-void write_parcels(Writer& writer, std::vector<Parcel>& parcels, StoredLayer& stored) {
-  for (Parcel& parcel : parcels) {
-    parcel.state = Parcel::State::kCells;
-    parcel.stored = std::move(stored);
-    writer.pack(parcel);
-    writer.put(parcel.patch, std::span(&parcel, 1));
-    stored = std::move(parcel.stored);
-  }
-  writer.finish();
-}
-
 void write(const std::string& path, const std::string& output, WriterOptions options, int runs) {
   const Reader reader(path);
   std::vector<Parcel> parcels = parcels_of(reader);
@@ -158,7 +148,7 @@ void write(const std::string& path, const std::string& output, WriterOptions opt
     ::unlink(output.c_str());  // so that no run pays for freeing the file of the one before
     const double w = seconds_of([&] {
       Writer writer(output, reader.header(), options);
-      write_parcels(writer, parcels, stored);
+      bench::write_parcels(writer, parcels, stored);
     });
     const double m = planes.seconds();
     if (i == 0) continue;

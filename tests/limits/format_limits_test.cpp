@@ -5,7 +5,6 @@
 
 #include <bit>
 #include <cstdint>
-#include <functional>
 #include <limits>
 
 #include "apgm/core/error.hpp"
@@ -13,9 +12,12 @@
 #include "apgm/format/reader.hpp"
 #include "apgm/format/writer.hpp"
 #include "apgm/ops/copy.hpp"
+#include "tests/support/refusal.hpp"
 
 namespace apgm {
 namespace {
+
+using test::refusal;
 
 constexpr std::size_t kMiB = std::size_t{1} << 20;
 
@@ -42,16 +44,6 @@ void expect_read_back(const MapHeader& header) {
   EXPECT_EQ(back.types.size(), header.types.size());
   EXPECT_TRUE(back.metadata == header.metadata);
   EXPECT_TRUE(back.history == header.history);
-}
-
-ErrorCode refusal(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const Error& error) {
-    return error.code();
-  }
-  ADD_FAILURE() << "nothing is refused";
-  return {};
 }
 
 /// Refused as a limit, or as a value that cannot be used.

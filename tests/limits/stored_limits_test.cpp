@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <functional>
 #include <numeric>
 #include <span>
 #include <string>
@@ -16,6 +15,7 @@
 #include "commit_writer.hpp"
 #include "index.hpp"
 #include "tests/conformance/small_map.hpp"
+#include "tests/support/refusal.hpp"
 
 namespace apgm::test {
 namespace {
@@ -23,16 +23,6 @@ namespace {
 constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
 
 std::span<const std::byte> bytes_of(const std::string& file) { return std::as_bytes(std::span(file)); }
-
-ErrorCode refusal(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const Error& error) {
-    return error.code();
-  }
-  ADD_FAILURE() << "nothing is refused";
-  return {};
-}
 
 void expect_damaged(const std::string& file) {
   EXPECT_EQ(refusal([&] { const Reader reader(bytes_of(file)); }), ErrorCode::kDamaged);
