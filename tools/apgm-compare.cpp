@@ -8,10 +8,12 @@
 #include "apgm/format/reader.hpp"
 #include "apgm/ops/copy.hpp"
 #include "converters/common/file.hpp"
+#include "converters/fixed_grid/choose_layout.hpp"
 #include "tools/common/app.hpp"
 #include "tools/common/drive_source.hpp"
 #include "tools/common/exit_code.hpp"
 #include "tools/common/grid.hpp"
+#include "tools/common/layout_memory.hpp"
 #include "tools/common/layout_output.hpp"
 #include "tools/common/options.hpp"
 #include "tools/common/report.hpp"
@@ -23,7 +25,7 @@ namespace {
 constexpr const char* kLayoutsGroup = "Layouts";
 constexpr const char* kDriveGroup = "Drives";
 constexpr std::uint64_t kMaxYamlBytes = std::uint64_t{1} << 20;
-constexpr std::uint64_t kMaxMapBytes = std::uint64_t{2} << 30;
+constexpr double kMaxMapBytes = 2.0 * (1 << 30);
 constexpr double kUsualReach_m = 100;
 constexpr double kUsualEvery_s = 10;
 
@@ -169,30 +171,16 @@ class CompareTool final : public Tool {
 
   void one_map(Session& session, LayoutOutput& output) {
     const Reader source(inputs_.front());
-    std::uint64_t bytes = 0;
-    for (const auto& type : source.summary().types) bytes += type.raw_bytes;
-    const std::uint64_t budget = heavy_.max_memory_bytes;
-    if (bytes > (budget == 0 ? kMaxMapBytes : std::min(kMaxMapBytes, budget / 4))) {
-      throw Error(ErrorCode::kLimit, fmt::format("'{}' holds {} of values: too much to compare at once",
-                                                 inputs_.front(), size_text(bytes)))
-          .hint(budget == 0 ? "cut a part out with apgm-crop" : "raise --max-memory, or use apgm-crop");
-    }
     if (source.summary().patches == 0) {
       throw Error(ErrorCode::kIncompatible, fmt::format("'{}' holds no patches to compare", inputs_.front()))
           .hint("'apgm-info' tells what is in a map")
           .at(inputs_.front());
     }
     step_opened(session, inputs_.front(), source);
-    Map map(source.header());
-    MapSink sink(map);
-    options_.run = session.run_options(heavy_, "reading");
-    copy(source, map.header().types, sink, true, options_.run);
-    if (!vehicle_) {
-      const Box box = map.header().frame.box_m(map.summary().range);
-      vehicle_ = Point{(box.min.x_m + box.max.x_m) / 2, (box.min.y_m + box.max.y_m) / 2};
-    }
+    if (!vehicle_) vehicle_ = converters::middle_of(source);
     if (!reach_) options_.reach_m = kUsualReach_m;
-    options_.finest_cell_m = finest_cell_m(map);
+    options_.finest_cell_m = converters::finest_cell_m(source);
+    const Map map = read(session, source);
     const LayoutsAt at{0, "", *vehicle_, compare_layouts(map, *vehicle_, options_)};
     LayoutMeans means;
     means.add(at);
@@ -204,10 +192,31 @@ class CompareTool final : public Tool {
     result["layouts"] = means.json();
   }
 
+  Map read(Session& session, const Reader& source) {
+    if (heavy_.max_memory_bytes == 0 && map_bytes(source) > kMaxMapBytes) {
+      throw Error(ErrorCode::kLimit, fmt::format("'{}' is too large to compare at once", inputs_.front()))
+          .hint("cut a part out with apgm-crop, or name a bound with --max-memory");
+    }
+    bound_memory(session);
+    check_memory(source, options_);
+    Map map(source.header());
+    MapSink sink(map);
+    options_.run = session.run_options(heavy_, "reading");
+    copy(source, map.header().types, sink, true, options_.run);
+    return map;
+  }
+
+  void bound_memory(Session& session) {
+    if (heavy_.max_memory_bytes == 0) return;
+    options_.memory_left = [this, &session] { return session.memory_left(heavy_); };
+  }
+
   void drive(Session& session, LayoutOutput& output) {
     request_.scans.paths = inputs_;
     request_.scans.cancel = &cancel_flag();
     if (poses_) request_.scans.poses = *poses_;
+    bound_memory(session);
+    request_.memory_left = options_.memory_left;
     const std::unique_ptr<DriveSource> source = motion_ ? open_motion(request_) : open_drive(request_);
     options_.run = session.run_options(heavy_, "comparing", ProgressUnit::kBytes);
     std::optional<LayoutComparison> layouts;

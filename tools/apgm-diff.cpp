@@ -172,25 +172,11 @@ class DiffTool final : public Tool {
       options_.cells_layer = drawn->name;
     }
     const std::uint64_t bytes = drawn != nullptr ? DiffPicture::most_bytes(reference, other, drawn->name) : 0;
-    DiffReport report = diff_beside(bytes, a, b, session.run_options(heavy_, "comparing"));
+    DiffReport report = work_beside_picture(bytes, session.run_options(heavy_, "comparing"),
+                                            [&](const RunOptions& run) { return diff(a, b, options_, run); });
     session.check_cancelled();
     draw(session, picture, drawn, reference.header().frame, file);
     return report;
-  }
-
-  /// @param bytes  of the budget that a picture takes
-  DiffReport diff_beside(std::uint64_t bytes, const DiffInput& a, const DiffInput& b, RunOptions run) const {
-    if (run.max_memory_bytes != 0) {
-      check_budget(run.max_memory_bytes, bytes + 1, "a picture is made in memory");
-      run.max_memory_bytes -= bytes;
-    }
-    try {
-      return diff(a, b, options_, run);
-    } catch (const Error& e) {
-      const auto hint = budget_hint(e);
-      if (!hint) throw;
-      throw over_budget(e.message(), bytes + (hint->least_mebibytes << 20));
-    }
   }
 
   /// The first that is asked for, else the first occupancy layer that holds something, else the first that

@@ -122,7 +122,7 @@ class MergeTool final : public Tool {
     ConflictPicture conflicts;
     if (picture_path_) options_.conflict = &conflicts;
     options_.max_memory_bytes = session.memory_left(heavy_);
-    const MergePlan plan(std::move(merged), options_);
+    const MergePlan plan(merged, options_);
     MapHeader header = plan.header();
     writing_.apply(header, {});
     result["rule"] = to_string(options_.rule);
@@ -132,7 +132,9 @@ class MergeTool final : public Tool {
     std::optional<OutputFile> picture;
     if (picture_path_) picture.emplace(*picture_path_, output_.options());
     Writer writer(output_.path, header, writing_.options(output_));
-    const MergeReport report = plan.run(writer, session.run_options(heavy_, "merging"));
+    const MergeReport report = work_beside_picture(
+        picture ? picture_bytes(merged, header.frame) : 0, session.run_options(heavy_, "merging"),
+        [&](const RunOptions& run) { return plan.run(writer, run); });
     if (picture) draw(conflicts, header.frame, *picture);
     session.check_cancelled();
     if (picture) picture->flush();  // a full disk must show before the map replaces an old one
@@ -147,6 +149,11 @@ class MergeTool final : public Tool {
     session.step(fmt::format("{} of {} layers copied as stored, {} in total conflict", report.layers_stored,
                              report.layers, plural(report.total_conflicts, "cell", "cells")));
     report_written(session, output_, writer.report());
+  }
+
+  std::uint64_t picture_bytes(const std::vector<MergeInput>& inputs, const Frame& frame) const {
+    const int most_step = options_.resolution_m ? frame.step_for(*options_.resolution_m) : kMaxStep;
+    return ConflictPicture::most_bytes(inputs, frame, most_step);
   }
 
   void check_apply(const std::vector<std::string>& read) const {

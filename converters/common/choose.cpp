@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "apgm/core/error.hpp"
+#include "apgm/core/summary.hpp"
 #include "apgm/core/working_memory.hpp"
 
 namespace apgm::converters {
@@ -42,12 +43,9 @@ std::optional<TypeId> choose_occupancy(const PatchSource& source, const std::str
 
 int finest_step(const Summary& summary, std::span<const TypeId> chosen) {
   constexpr int kUsualStep = 7;
-  for (int step = kMaxStep; step >= 0; --step) {
-    for (const TypeId type : chosen) {
-      if (summary.types[type].layers_at[static_cast<std::size_t>(step)] > 0) return step;
-    }
-  }
-  return kUsualStep;
+  std::optional<int> finest;
+  for (const TypeId type : chosen) finest = std::max(finest, apgm::finest_step(summary.types[type]));
+  return finest.value_or(kUsualStep);
 }
 
 std::uint64_t reading_bytes(const PatchSource& source, std::span<const TypeId> chosen, int step) {

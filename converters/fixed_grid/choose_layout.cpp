@@ -4,6 +4,7 @@
 #include <array>
 
 #include "apgm/core/error.hpp"
+#include "apgm/core/summary.hpp"
 #include "apgm/layouts/description.hpp"
 #include "apgm/layouts/moving_grid.hpp"
 #include "converters/common/file.hpp"
@@ -16,32 +17,25 @@ constexpr std::array<std::string_view, 9> kLayouts{
 constexpr std::uint64_t kMaxPlanBytes = 1 << 20;
 constexpr double kHalfExtent_m = 100;
 
-double finest_cell_m(const PatchSource& map) {
-  const Summary summary = map.summary();
-  int finest = 0;
-  for (const Summary::OfType& type : summary.types) {
-    for (int step = 0; step <= kMaxStep; ++step) {
-      if (type.layers_at[static_cast<std::size_t>(step)] > 0) finest = std::max(finest, step);
-    }
-  }
-  return map.header().frame.cell_m(finest);
-}
-
-Point middle(const PatchSource& map) {
-  const PatchRange range = map.summary().range;
-  if (range.empty()) return map.header().frame.datum_m();
-  const Box box = map.header().frame.box_m(range);
-  return {(box.min.x_m + box.max.x_m) / 2, (box.min.y_m + box.max.y_m) / 2};
-}
-
 NonUniformPlan plan_from(const std::string& path) {
   return naming(path, [&] { return parse_plan(read_file(path, kMaxPlanBytes), path); });
 }
 
 }  // namespace
 
+double finest_cell_m(const PatchSource& map) {
+  return map.header().frame.cell_m(finest_step(map.summary()).value_or(0));
+}
+
+Point middle_of(const PatchSource& map) {
+  const PatchRange range = map.summary().range;
+  if (range.empty()) return map.header().frame.datum_m();
+  const Box box = map.header().frame.box_m(range);
+  return {(box.min.x_m + box.max.x_m) / 2, (box.min.y_m + box.max.y_m) / 2};
+}
+
 Point vehicle_of(const SettingsReader& settings, const PatchSource& map) {
-  return settings.point("vehicle").value_or(middle(map));
+  return settings.point("vehicle").value_or(middle_of(map));
 }
 
 std::vector<SettingSpec> layout_settings() {
@@ -75,8 +69,8 @@ std::unique_ptr<Layout> choose_layout(const SettingsReader& settings, const Patc
   CellSchema schema(map.header().types);
   const double cell_m = settings.number("cell_m").value_or(finest_cell_m(map));
   const auto check = [&](double cells) {
-    // The cells, the same as layers, and as packed bytes.
-    const double bytes = 3 * cells * schema.values() * sizeof(float);
+    // The cells, the same as layers, and what these are packed to, in a buffer that grows.
+    const double bytes = 4 * cells * schema.values() * sizeof(float);
     check_budget(max_memory_bytes, static_cast<std::uint64_t>(std::min(bytes, 1e18)),
                  "a fixed layout is made in memory", "choose larger cells or crop the map");
   };

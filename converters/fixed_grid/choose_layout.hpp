@@ -15,6 +15,10 @@ void check_layout_settings(const SettingsReader& settings);
 /// @throws over_budget() before cells are made, if they and what packs them do not fit; 0: no bound
 std::unique_ptr<Layout> choose_layout(const SettingsReader& settings, const PatchSource& map,
                                       std::uint64_t max_memory_bytes = 0);
+/// Side of the finest cells of a map; of a patch if there are none.
+double finest_cell_m(const PatchSource& map);
+/// Middle of its patches; the datum if there are none.
+Point middle_of(const PatchSource& map);
 /// Where the settings or the map's middle put the vehicle.
 Point vehicle_of(const SettingsReader& settings, const PatchSource& map);
 

@@ -150,6 +150,23 @@ std::string checksum_of(std::span<const std::byte> bytes) {
   return text;
 }
 
+/// The cells as an .apgm file that also holds the checksum of what stands before it.
+std::vector<std::byte> pack(Map cells, std::string checksum, int level) {
+  MapHeader header = cells.header();
+  header.metadata[kChecksumKey] = std::move(checksum);
+  Map sealed(std::move(header));
+  // Layers move from one map to the other: they are as large as the layout.
+  while (cells.size() > 0) {
+    const Patch& patch = cells.by_key().begin()->second;
+    const PatchIndex index = patch.index;
+    const TypeId type = patch.layers.begin()->first;
+    sealed.patch(index).layers.emplace(type, *cells.extract(index, type));
+  }
+  WriterOptions options;
+  options.level = level;
+  return to_bytes(sealed, options);
+}
+
 }  // namespace
 
 std::vector<std::byte> encode_layout(const Layout& layout, int level) {
@@ -161,14 +178,7 @@ std::vector<std::byte> encode_layout(const Layout& layout, int level) {
   }
   std::memcpy(bytes.data() + kFixedGridMagic.size() + kLengthBytes, description.data(), description.size());
 
-  const Map cells = LayoutRaster(layout.describe()).from_layout(layout);
-  MapHeader header = cells.header();
-  header.metadata[kChecksumKey] = checksum_of(bytes);
-  Map sealed(header);
-  for (const auto& [key, patch] : cells.by_key()) sealed.patch(patch.index).layers = patch.layers;
-  WriterOptions options;
-  options.level = level;
-  const auto packed = to_bytes(sealed, options);
+  const auto packed = pack(LayoutRaster(layout.describe()).from_layout(layout), checksum_of(bytes), level);
   bytes.insert(bytes.end(), packed.begin(), packed.end());
   return bytes;
 }

@@ -164,6 +164,15 @@ TEST_P(EveryToolTest, ItsPageIsCurrent) {
   EXPECT_THAT(page, HasSubstr("```text\n" + help + "```\n")) << "run the target cli_docs";
 }
 
+TEST_F(CliTest, ThePageOfArchivesTellsEachCommand) {
+  const std::string page = read_file(std::string(APGM_SOURCE_DIR) + "/docs/cli/apgm-archive.md");
+  for (const std::string command : {"commit", "log", "checkout", "compact", "tag"}) {
+    const std::string help = CliTest::tool("archive", {command, "--help"}).out;
+    EXPECT_THAT(page, HasSubstr("## apgm-archive " + command + "\n\n```text\n" + help + "```\n"))
+        << "run the target cli_docs";
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Tools, EveryToolTest, testing::ValuesIn(all_tools()),
                          [](const auto& tool) { return tool.param.verb; });
 

@@ -301,7 +301,8 @@ std::string map_header_flat(const RawHeader& h) {
   }
   std::vector<flatbuffers::Offset<fbs::KeyValue>> metadata;
   for (const auto& [key, value] : h.metadata) {
-    const auto key_at = fb.CreateString(key), value_at = fb.CreateString(value);
+    const auto key_at = fb.CreateString(key);
+    const auto value_at = h.shares_values ? fb.CreateSharedString(value) : fb.CreateString(value);
     metadata.push_back(fbs::CreateKeyValue(fb, key_at, value_at));
   }
   std::vector<flatbuffers::Offset<fbs::Provenance>> history;

@@ -124,6 +124,7 @@ struct RawHeader {
   std::vector<std::pair<std::string, std::string>> metadata;
   std::vector<std::array<std::string, 3>> history;
   std::int64_t stamp_ns = 0;
+  bool shares_values = false;  ///< equal values of metadata are stored once
 };
 std::string map_header_flat(const RawHeader& header);
 RawHeader raw(const MapHeader& header);

@@ -91,6 +91,8 @@ class MemoryTest : public testing::TestWithParam<HeavyCommand> {
     directory_ = new TempDir;
     ASSERT_NO_FATAL_FAILURE(in_own_process(write_maps));
     write_log(*directory_ / "run.log");
+    write_file(*directory_ / "profile.yaml",
+               "requirements: [{layer: occupancy, horizon_m: 40, cell_m: 0.1}]\n");
     for (const std::string name : {"grid.tif", "grid.yaml", "grid.npz"}) {
       const Measured run = measured({tool("convert"), "-q", "a.apgm", "-o", name}, directory_->path());
       ASSERT_THAT(run.code, AnyOf(0, 3)) << run.err;
@@ -219,6 +221,10 @@ std::vector<HeavyCommand> heavy_commands() {
       {"merge_shifted", "merge", with({"a.apgm", "shifted.apgm"}, "out.apgm")},
       {"merge_regrid", "merge", with({"between.apgm", "a.apgm", "--regrid"}, "out.apgm")},
       {"merge_hard_packed", "merge", with({"between.apgm", "--level", "19"}, "out.apgm"), true, 64},
+      {"merge_conflicts", "merge", with({"a.apgm", "b.apgm", "--conflict-map", "out.png"}, "out.apgm"), true,
+       160},
+      {"merge_regrid_conflicts", "merge",
+       with({"between.apgm", "a.apgm", "--regrid", "--conflict-map", "out.png"}, "out.apgm"), true, 160},
       {"crop", "crop", with({"a.apgm", "--bbox", "10,10,200,200", "--snap", "cell"}, "out.apgm")},
       {"resample", "resample", with({"a.apgm", "--step", "6"}, "out.apgm")},
       {"resample_finer", "resample", with({"between.apgm", "--step", "8"}, "out.apgm")},
@@ -231,6 +237,7 @@ std::vector<HeavyCommand> heavy_commands() {
       {"to_geotiff", "convert", with({"a.apgm"}, "out.tif"), true, 96},
       {"to_numpy", "convert", with({"a.apgm"}, "out.npz"), true, 96},
       {"to_octomap", "convert", with({"a.apgm"}, "out.ot"), false},
+      {"to_fixed_grid", "convert", with({"between.apgm", "--set", "layout=hash_map"}, "out.apfg"), true, 320},
       {"from_geotiff", "convert", with({"grid.tif"}, "out.apgm"), true, 96},
       {"from_map_server", "convert", with({"grid.yaml"}, "out.apgm"), true, 320},
       {"from_numpy", "convert", with({"grid.npz"}, "out.apgm"), true, 800},
@@ -243,6 +250,9 @@ std::vector<HeavyCommand> heavy_commands() {
       {"diff_regions", "diff", {"a.apgm", "b.apgm", "--top", "5"}, true, 64},
       {"diff_picture", "diff", {"-O", "a.apgm", "b.apgm", "--png", "out.png"}, true, 160},
       {"diff_delta", "diff", {"-O", "a.apgm", "b.apgm", "--delta", "out.apgm"}},
+      {"compare", "compare", {"between.apgm", "--reach", "20"}, true, 640},
+      {"compare_costs", "compare", {"between.apgm", "--reach", "20", "--cost"}, true, 640},
+      {"compare_drive", "compare", {"run.log", "--profile", "profile.yaml"}, true, 320},
       {"commit", "archive commit", {"out.apgm", "a.apgm"}},
       {"checkout", "archive checkout", with({"history.apgm", "--at", "1"}, "out.apgm")},
       {"compact", "archive compact", with({"history.apgm"}, "out.apgm")},

@@ -146,6 +146,41 @@ TEST(IndexLimits, PagesThatAreWritten) {
   EXPECT_EQ(refusal([] { pages_written(format::kMaxPages + 1, false); }), ErrorCode::kLimit);
 }
 
+/// Entries of the pages a commit names that changes the first of two pages of an earlier one, which then
+/// has `n` entries; the second keeps its ten.
+std::vector<std::uint32_t> pages_after_change(std::uint64_t n) {
+  MapHeader header;
+  header.types = TypeTable({LayerType::real("z", {"z"})});
+  LastBlock file;
+  format::CommitWriter writer(file, 2, header);
+  writer.write_header();
+  const std::uint64_t earlier = 64;
+  std::uint64_t key = 0;
+  for (const std::uint64_t entries : {n, std::uint64_t{10}}) {
+    const auto x0 = static_cast<std::int32_t>(key), x1 = static_cast<std::int32_t>(key + entries - 1);
+    writer.start_page(
+        {earlier, 128, 0, key, key + entries - 1, x0, 0, x1, 0, static_cast<std::uint32_t>(entries), 0});
+    if (entries == n) writer.touch();
+    for (std::uint64_t i = 0; i < entries; ++i, ++key) {
+      writer.add_stored(
+          {.key = key, .offset = earlier, .ix = static_cast<std::int32_t>(key), .stored_bytes = 128});
+    }
+  }
+  writer.finish();
+  std::vector<std::uint32_t> counts;
+  for (const auto& page : format::read_root(file.last, file.offset, 1).pages)
+    counts.push_back(page.entries());
+  return counts;
+}
+
+TEST(IndexLimits, PagesThatAreSplitAndJoined) {
+  using Counts = std::vector<std::uint32_t>;
+  EXPECT_EQ(pages_after_change(2047), (Counts{2047, 10}));
+  EXPECT_EQ(pages_after_change(2048), (Counts{1024, 1024, 10}));
+  EXPECT_EQ(pages_after_change(128), (Counts{128, 10}));
+  EXPECT_EQ(pages_after_change(127), (Counts{137}));
+}
+
 // Of the 128 MiB the pages take 72 at most: the rest is left to what later versions may add.
 TEST(IndexLimits, BytesOfTheRoot) {
   const std::vector<Summary::OfType> totals(1);
@@ -243,6 +278,27 @@ TEST(StoredHeaderLimits, InputsOfAHistoryEntry) {
 TEST(StoredHeaderLimits, BytesOfTheBlock) {
   expect_whole(put_together(small_map(), with_flatbuffers_of(kMapHeader, 16 * kMiB)), 3);
   expect_damaged(put_together(small_map(), with_flatbuffers_of(kMapHeader, 16 * kMiB + 8)));
+}
+
+// Strings that share their place: a small header could hold any number of bytes.
+TEST(StoredHeaderLimits, BytesOfAllStrings) {
+  RawHeader header;
+  header.shares_values = true;
+  const RawType type;
+  std::uint64_t bytes = header.frame_id.size() + type.name.size() + type.hypotheses.size() +
+                        type.channels.size() + type.policy.size();
+  for (int i = 0; i < 16; ++i) {
+    const std::string key = "k" + std::to_string(100 + i);
+    const std::uint64_t left = 16 * kMiB - bytes - key.size();
+    header.metadata.emplace_back(key, std::string(std::min(left, kMiB), 'v'));
+    bytes += key.size() + header.metadata.back().second.size();
+  }
+  ASSERT_EQ(bytes, 16 * kMiB);
+  expect_whole(with_header(header), 0);
+  header.metadata.back().second += 'v';
+  const std::string more = with_header(header);
+  EXPECT_LT(more.size(), 4 * kMiB);
+  expect_damaged(more);
 }
 
 }  // namespace

@@ -102,6 +102,28 @@ TEST(StreamLimits, BytesThatAreKept) {
   EXPECT_TRUE(incomplete(1200));
 }
 
+TEST(StreamLimits, BytesThatAreKeptByDefault) {
+  constexpr std::uint64_t kMiB = std::uint64_t{1} << 20, kBlock = 72 * kMiB, kPiece = kBlock / 2;
+  constexpr std::uint64_t kOverhead = 256;  // of each
+  const Forge forge;
+  const auto oldest_is_kept = [&](std::uint64_t last_piece) {
+    Log log;
+    StreamReader reader(log);
+    reader.datagram(forge.header);
+    for (std::uint64_t number : {2, 10, 20}) reader.datagram(forge.part(kBlock, number));
+    reader.datagram(forge.part(2 * last_piece, 30));
+    // The other half of the oldest, which does not fit it: it was kept if that is found wrong.
+    const format::PartHead head{1, 2, kBlock};
+    Bytes body(sizeof(head) + kPiece - 8);
+    std::memcpy(body.data(), &head, sizeof(head));
+    reader.datagram(forge.block(Kind::kPart, body, 3));
+    return reader.report().damaged == 1;
+  };
+  constexpr std::uint64_t kMost = 128 * kMiB - 3 * (kPiece + kOverhead) - kOverhead;
+  EXPECT_TRUE(oldest_is_kept(kMost));
+  EXPECT_FALSE(oldest_is_kept(kMost + 8));
+}
+
 TEST(StreamLimits, Gaps) {
   const Forge forge;
   const auto with_gaps = [&](std::uint64_t n) {

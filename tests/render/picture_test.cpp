@@ -277,7 +277,7 @@ TEST(ConflictPictureTest, ShowsTheGreatestOfSeveralLayers) {
 }
 
 TEST(ConflictPictureTest, NoConflictVanishesWhenSpaceRunsOut) {
-  ConflictPicture picture(100, 8);
+  ConflictPicture picture({.most_cells = 100, .max_side = 8});
   for (int y = 0; y < 5; ++y) {
     for (int x = 0; x < 20; ++x) {
       std::vector<float> conflict(64, 0.0f);

@@ -12,14 +12,13 @@
 #include "converters/common/file.hpp"
 #include "converters/fixed_grid/layout_file.hpp"
 #include "tools/common/layout_foreign.hpp"
+#include "tools/common/layout_memory.hpp"
 #include "tools/common/layout_travel.hpp"
 
 namespace apgm::tools {
 namespace {
 
 constexpr std::uint64_t kSeed = 1;
-/// The program, its buffers, and what the allocator keeps.
-constexpr double kOtherBytes = 64 << 20;
 constexpr double kMostBytes = 1e18;
 
 /// Between layouts of the same blocks.
@@ -36,25 +35,17 @@ void copy_cells(const Layout& from, Layout& to) {
   });
 }
 
-std::uint64_t raw_bytes(const Map& map) {
-  std::uint64_t bytes = 0;
-  for (const Summary::OfType& type : map.summary().types) bytes += type.raw_bytes;
-  return bytes;
+void check_left(const CompareOptions& options, double need) {
+  if (!options.memory_left) return;
+  check_budget(options.memory_left(), static_cast<std::uint64_t>(std::min(need, kMostBytes)),
+               "the memory budget does not hold the layouts",
+               "choose a smaller --reach or cut a part out with apgm-crop");
 }
 
 }  // namespace
 
 std::vector<NonUniformPlan> usual_plans() {
   return {buerkle_preset("A"), buerkle_preset("B"), buerkle_preset("C")};
-}
-
-double finest_cell_m(const Map& map) {
-  int finest = -1;
-  for (const auto& [key, patch] : map.by_key()) {
-    for (const auto& [type, layer] : patch.layers) finest = std::max(finest, layer.step());
-  }
-  if (finest < 0) throw Error(ErrorCode::kInvalidArgument, "the map holds no layers to compare");
-  return map.header().frame.cell_m(finest);
 }
 
 double finest_cell_m(const Schedule& schedule, const Frame& frame) {
@@ -76,14 +67,21 @@ std::optional<double> farthest_m(const Schedule& schedule) {
   return most;
 }
 
+void check_memory(const PatchSource& map, const CompareOptions& options) {
+  if (!options.memory_left) return;
+  const LayoutMemory memory(map.header().types, map.header().frame, options);
+  check_left(options, map_bytes(map) + memory.travelling_bytes() + memory.row_bytes(map));
+}
+
 struct LayoutComparison::State {
   State(const Map& map, const CompareOptions& o)
-      : options(o), schema(map.header().types), frame(map.header().frame) {
+      : options(o),
+        schema(map.header().types),
+        frame(map.header().frame),
+        memory(schema.types(), frame, options) {
     const double cell_m = options.finest_cell_m;
     const double reach_m = std::ceil(options.reach_m / cell_m - 1e-9) * cell_m;
-    add_bytes(4 * reach_m * reach_m / (cell_m * cell_m));
-    for (const NonUniformPlan& plan : options.plans) add_bytes(static_cast<double>(plan.cells()));
-    check_memory(map);
+    check_left(options, memory.travelling_bytes() + memory.row_bytes(map));
     for (const NonUniformPlan& plan : options.plans) {
       travellers.emplace_back(make_nonuniform_grid(schema, frame, plan), options.cost);
     }
@@ -92,11 +90,12 @@ struct LayoutComparison::State {
 
   void move_to(Point to, const Map* map) {
     vehicle = to;
+    check_left(options, memory.shift_bytes());
     for (TravellingLayout& t : travellers) t.move_to(vehicle, map);
   }
 
   std::vector<LayoutRow> rows(const Map& map) {
-    check_memory(map);
+    check_left(options, memory.row_bytes(map));
     std::vector<LayoutRow> rows{own_row(map)};
     for (TravellingLayout& t : travellers) {
       converters::check_cancelled(options.run);
@@ -110,7 +109,7 @@ struct LayoutComparison::State {
     }
     add_submaps(map, rows);
     if (!options.disk || !options.foreign) return rows;
-    for (LayoutRow& row : foreign_rows(map, options.change, options.run)) rows.push_back(std::move(row));
+    for (LayoutRow& row : foreign_rows(map, options)) rows.push_back(std::move(row));
     return rows;
   }
 
@@ -181,31 +180,12 @@ struct LayoutComparison::State {
     }
   }
 
-  double bytes_of(double cells) const { return cells * schema.values() * sizeof(float); }
-
-  void add_bytes(double cells) {
-    moving_bytes += bytes_of(cells);
-    largest_bytes = std::max(largest_bytes, bytes_of(cells));
-  }
-
-  /// Before layouts are made, and before rows of a map that grew.
-  void check_memory(const Map& map) const {
-    const double per_side = frame.edge_m() / options.finest_cell_m;
-    const double submaps = bytes_of(static_cast<double>(map.size()) * per_side * per_side);
-    // What each gives back, as a file, a copy or a map, one after the other; two containers at a time.
-    const double need = kOtherBytes + 2 * static_cast<double>(raw_bytes(map)) + moving_bytes + submaps +
-                        2 * std::max(largest_bytes, submaps);
-    check_budget(options.run.max_memory_bytes, static_cast<std::uint64_t>(std::min(need, kMostBytes)),
-                 "the memory budget does not hold the layouts",
-                 "choose a smaller --reach or cut a part out with apgm-crop");
-  }
-
   CompareOptions options;
   CellSchema schema;
   Frame frame;
   std::vector<TravellingLayout> travellers;
+  LayoutMemory memory;
   Point vehicle;
-  double moving_bytes = 0, largest_bytes = 0;
 };
 
 LayoutComparison::LayoutComparison(const Map& map, const CompareOptions& options)

@@ -11,6 +11,7 @@
 #include "apgm/layouts/nonuniform_grid.hpp"
 #include "apgm/observe/profile.hpp"
 #include "apgm/ops/run.hpp"
+#include "tools/common/memory.hpp"
 
 namespace apgm::tools {
 
@@ -35,19 +36,21 @@ struct CompareOptions {
   bool disk = false;                  ///< bytes of files
   bool change = true;
   bool cost = false;
-  bool foreign = true;  ///< rows of OctoMap, GeoTIFF and NumPy, where `disk` is set
-  RunOptions run;       ///< its budget and cancellation
+  bool foreign = true;     ///< rows of OctoMap, GeoTIFF and NumPy, where `disk` is set
+  MemoryLeft memory_left;  ///< what rows may take beside the map
+  RunOptions run;          ///< its threads and cancellation
 };
 
 /// Presets A, B and C.
 std::vector<NonUniformPlan> usual_plans();
-/// Side of the finest cells of a map. @throws Error{kInvalidArgument} if it holds no layers
-double finest_cell_m(const Map& map);
-
 /// The finest cells that any profile asks for.
 double finest_cell_m(const Schedule& schedule, const Frame& frame);
 /// The farthest horizon of any profile; nullopt where all areas are polygons.
 std::optional<double> farthest_m(const Schedule& schedule);
+
+/// Checks, before a map is read, that it and all layouts beside it find room.
+/// @throws over_budget()
+void check_memory(const PatchSource& map, const CompareOptions& options);
 
 /// A map or a drive beside the layouts. Those that move are made once and travel with the vehicle: they shift
 /// in snapped steps, cells that enter are filled from the map, and what the map holds is brought in again

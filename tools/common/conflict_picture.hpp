@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "apgm/core/summary.hpp"
 #include "apgm/ops/merge.hpp"
 #include "tools/common/plane_picture.hpp"
 
@@ -21,8 +22,33 @@ inline constexpr Colour kNothingFused{132, 148, 168};
 /// the greatest K of them shows. No conflict vanishes (PlanePicture).
 class ConflictPicture final : public ConflictSink {
  public:
-  explicit ConflictPicture(std::uint64_t most_cells = std::uint64_t{1} << 26, int max_side = 2048)
-      : picture_({.most_cells = most_cells, .max_side = max_side}) {}
+  explicit ConflictPicture(const PlanePictureOptions& options = {}) : picture_(options) {}
+
+  /// Most memory it and its picture take.
+  /// @param frame  of the result
+  /// @param most_step  of the result, by what is required
+  static std::uint64_t most_bytes(std::span<const MergeInput> inputs, const Frame& frame, int most_step) {
+    PatchRange range;
+    double patches = 0;
+    int finest = 0;
+    for (const MergeInput& input : inputs) {
+      const Summary summary = input.source->summary();
+      if (summary.range.empty()) continue;
+      const Frame& own = input.source->header().frame;
+      const Box box = own.box_m(summary.range);
+      range.add(frame.patch_at(box.min));
+      range.add(frame.patch_at(box.max));
+      finest = std::max(finest, finest_step(summary).value_or(0));
+      const bool same_patches = own.edge_um == frame.edge_um && own.datum_x_um == frame.datum_x_um &&
+                                own.datum_y_um == frame.datum_y_um;
+      const double side = same_patches ? 1 : std::ceil(own.edge_m() / frame.edge_m()) + 1;
+      patches += static_cast<double>(summary.patches) * side * side;
+    }
+    finest = std::min(finest, most_step);
+    // Only what two inputs hold is fused.
+    const double cells = std::ldexp(patches / 2, 2 * finest);
+    return PlanePicture::most_bytes({}, range, finest, static_cast<std::uint64_t>(std::min(cells, 1e18)));
+  }
 
   void put(PatchIndex patch, TypeId /*type*/, int step, std::span<const float> conflict) override {
     std::vector<std::uint8_t> cells(conflict.size());  // 255 K

@@ -3,6 +3,8 @@
 #include <array>
 #include <utility>
 
+#include "apgm/core/summary.hpp"
+
 namespace apgm::tools {
 namespace {
 
@@ -28,8 +30,8 @@ std::uint64_t DiffPicture::most_bytes(const PatchSource& reference, const PatchS
     for (int step = 0; step <= kMaxStep; ++step) {
       const std::uint64_t layers = summary.types[*id].layers_at[static_cast<std::size_t>(step)];
       cells += layers << (2 * step);
-      if (layers > 0) finest = std::max(finest, step);
     }
+    finest = std::max(finest, finest_step(summary.types[*id]).value_or(0));
   }
   return PlanePicture::most_bytes(kOptions, range, finest, cells);
 }

@@ -3,15 +3,38 @@
 #include <algorithm>
 #include <optional>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/core/error.hpp"
 #include "converters/scans/pose_file.hpp"
 #include "tools/common/scan_mapping.hpp"
+#include "tools/common/scan_memory.hpp"
 
 namespace apgm::tools {
 namespace {
 
 constexpr double kKittiPeriod_s = 0.1;
 constexpr float kSeenFree = 0.5f;
+
+/// Checks that there is room for the layers that a profile asks for round the vehicle and the map has not.
+void check_room(const DriveRequest& request, const Profile& wanted, Point vehicle, const Map& map) {
+  if (!request.memory_left) return;
+  const TypeTable& types = map.header().types;
+  const ProfileInFrame profile(wanted, request.frame);
+  const PatchRange reach = profile.reach(vehicle);
+  std::uint64_t need = 0;
+  for (std::int32_t y = reach.min.y; y <= reach.max.y; ++y) {
+    for (std::int32_t x = reach.min.x; x <= reach.max.x; ++x) {
+      for (TypeId type = 0; type < types.size(); ++type) {
+        const auto step = profile.required_step({x, y}, types[type].name, vehicle);
+        if (!step) continue;
+        const Layer* layer = map.find({x, y}, type);
+        if (layer == nullptr || layer->step() != *step) need += layer_memory(types[type], *step);
+      }
+    }
+  }
+  check_budget(request.memory_left(), need,
+               "the memory budget does not hold what profile '" + wanted.name + "' requires");
+}
 
 class ScanDrive final : public DriveSource {
  public:
@@ -27,10 +50,11 @@ class ScanDrive final : public DriveSource {
     last_ns_ = std::max(last_ns_, stamp_ns);
     out.time_s = static_cast<double>(last_ns_ - first_ns_) / 1e9;
     const Profile& wanted = request_.schedule.at(out.time_s);
+    out.vehicle = position_of(measurement_);
+    check_room(request_, wanted, out.vehicle, mapper_.map());
     if (&wanted != profile_) mapper_.set_profile(wanted);
     profile_ = &wanted;
     out.profile = wanted.name;
-    out.vehicle = position_of(measurement_);
     mapper_.move_to(out.vehicle, stamp_ns);
     add_measurement(mapper_, measurement_, request_.models.limits, skipped_, beams_);
     return true;
@@ -89,6 +113,7 @@ class MotionDrive final : public DriveSource {
   const Map& map() override {
     if (is_current_) return map_;
     map_ = Map(header());
+    check_room(request_, *profile_, vehicle_, map_);
     const ProfileInFrame profile(*profile_, request_.frame);
     const PatchRange reach = profile.reach(vehicle_);
     for (std::int32_t y = reach.min.y; y <= reach.max.y; ++y) {

@@ -7,6 +7,7 @@
 
 #include "apgm/observe/mapper.hpp"
 #include "converters/scans/scan_reader.hpp"
+#include "tools/common/memory.hpp"
 
 namespace apgm::tools {
 
@@ -15,6 +16,7 @@ struct DriveRequest {
   Frame frame;
   Models models;
   Schedule schedule;
+  MemoryLeft memory_left;  ///< what the live map may take, with all that lives beside it
   /// @throws Error as Profile::check
   void check() const;
 };
@@ -30,7 +32,7 @@ struct DriveMoment {
 class DriveSource {
  public:
   virtual ~DriveSource() = default;
-  /// Maps the next measurement; false at the end.
+  /// Maps the next measurement; false at the end. @throws over_budget() before the map grows beyond it
   virtual bool next(DriveMoment& out) = 0;
   /// The live map now.
   virtual const Map& map() = 0;

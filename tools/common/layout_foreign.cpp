@@ -8,10 +8,12 @@
 #include <filesystem>
 #include <functional>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/core/error.hpp"
 #include "converters/common/choose.hpp"
 #include "converters/common/converter.hpp"
 #include "converters/common/settings.hpp"
+#include "tools/common/layout_memory.hpp"
 #include "tools/common/report.hpp"
 #ifdef APGM_HAS_OCTOMAP
 #include "converters/octomap/octree_size.hpp"
@@ -27,6 +29,7 @@ using converters::Settings;
 constexpr std::uint64_t kUsualOctreeBytes = std::uint64_t{4} << 30;
 /// Dense arrays take the whole extent of the map, however little of it is known.
 constexpr double kMostArrayBytes = 1 << 30;
+constexpr double kMostBytes = 1e18;
 
 /// Gone with all in it.
 class Directory {
@@ -70,11 +73,9 @@ class Directory {
 
 class ForeignFormats {
  public:
-  ForeignFormats(const Map& map, bool with_change, const RunOptions& run)
-      : map_(map), with_change_(with_change) {
-    run_.threads = run.threads;
-    run_.max_memory_bytes = run.max_memory_bytes;
-    run_.cancel = run.cancel;
+  ForeignFormats(const Map& map, const CompareOptions& options) : map_(map), options_(options) {
+    run_.threads = options.run.threads;
+    run_.cancel = options.run.cancel;
   }
 
   std::vector<LayoutRow> rows() {
@@ -120,10 +121,10 @@ class ForeignFormats {
   }
 
   std::string write(const Converter& converter, const std::string& name, const std::string& layer,
-                    const Settings& settings, std::uint64_t budget) const {
+                    const Settings& settings, std::uint64_t usual_budget = 0) const {
     const std::string path = directory_.file(name);
     converters::WriteRequest request{path, layer, settings, {}, run_};
-    request.run.max_memory_bytes = budget;
+    request.run.max_memory_bytes = options_.memory_left ? options_.memory_left() : usual_budget;
     converter.write(map_, request);
     return path;
   }
@@ -139,8 +140,8 @@ class ForeignFormats {
   /// @param as     name of the type that the only one that is read stands for; empty: types keep their names
   /// @param shift  of the indices of patches
   void read(const Converter& converter, const std::string& path, const Settings& settings,
-            std::uint64_t budget, const std::string& as, PatchIndex shift, Map& back) const {
-    const auto source = converter.open({path, settings, {}, budget});
+            const std::string& as, PatchIndex shift, Map& back, std::uint64_t usual_budget = 0) const {
+    const auto source = converter.open({path, settings, {}, beside_back(usual_budget)});
     if (source->header().frame.edge_um != back.header().frame.edge_um) {
       throw Error(ErrorCode::kIncompatible, "cells that come back do not fit the map's patches");
     }
@@ -151,11 +152,22 @@ class ForeignFormats {
       converters::check_cancelled(run_);
       for (const LayerInfo& info : patch.layers) {
         const auto id = back.header().types.find(as.empty() ? source->header().types[info.type].name : as);
-        if (!id) continue;
+        const PatchIndex at{patch.patch.x + shift.x, patch.patch.y + shift.y};
+        if (!id || map_.find(at, *id) == nullptr) continue;
         source->load(info, layer);
-        back.layer({patch.patch.x + shift.x, patch.patch.y + shift.y}, *id, layer.step()) = layer;
+        back.layer(at, *id, layer.step()) = std::move(layer);
       }
     }
+  }
+
+  /// What a reader may take while the map that it gives back grows.
+  std::uint64_t beside_back(std::uint64_t usual_budget) const {
+    if (!options_.memory_left) return usual_budget;
+    const std::uint64_t left = options_.memory_left();
+    const auto back = static_cast<std::uint64_t>(
+        std::min(LayoutMemory::back_bytes(map_, options_.finest_cell_m), kMostBytes));
+    check_budget(left, back, "the memory budget does not hold what comes back");
+    return std::max<std::uint64_t>(left - back, 1);
   }
 
   void octree(const Converter& converter, const std::string& name, LayoutRow& row) const {
@@ -172,23 +184,23 @@ class ForeignFormats {
     const auto middle = [](std::int64_t a, std::int64_t b) { return static_cast<std::int32_t>((a + b) / 2); };
     const PatchIndex centre{middle(range.min.x, range.max.x), middle(range.min.y, range.max.y)};
     const Point origin = map_.header().frame.origin_m(centre);
-    const std::uint64_t budget = run_.max_memory_bytes == 0 ? kUsualOctreeBytes : run_.max_memory_bytes;
     const std::string path = write(
         converter, name, "",
         {{"origin", converters::format_number(origin.x_m) + "," + converters::format_number(origin.y_m)}},
-        budget);
+        kUsualOctreeBytes);
 #ifdef APGM_HAS_OCTOMAP
-    const auto size = converters::octree_size(path, budget);
+    const auto size =
+        converters::octree_size(path, options_.memory_left ? options_.memory_left() : kUsualOctreeBytes);
     row.in_memory = true;
     row.values_per_cell = 1;
     row.footprint = {size.leaves, size.leaves, size.leaves, size.bytes};
 #endif
-    if (with_change_) {
+    if (options_.change) {
       Map back = nothing_yet();
       read(converter, path,
            {{"mode", slices.empty() ? "projection" : "slices"},
             {"edge_m", converters::format_number(map_.header().frame.edge_m())}},
-           budget, flat ? types[*flat].name : "", centre, back);
+           flat ? types[*flat].name : "", centre, back, kUsualOctreeBytes);
       row.change = belief_change(back, map_);
     }
     row.disk_bytes = directory_.take_bytes();
@@ -202,29 +214,25 @@ class ForeignFormats {
     for (std::size_t i = 0; i < types.size(); ++i) {
       if (summary.types[i].layers == 0) continue;
       const LayerType& type = types[static_cast<TypeId>(i)];
-      const std::string path =
-          write(converter, fmt::format("{}.tif", i), type.name, {}, run_.max_memory_bytes);
-      if (with_change_ && type.is_evidence()) {
-        read(converter, path, {{"allow_no_crs", "1"}}, run_.max_memory_bytes, type.name, {}, back);
+      const std::string path = write(converter, fmt::format("{}.tif", i), type.name, {});
+      if (options_.change && type.is_evidence()) {
+        read(converter, path, {{"allow_no_crs", "1"}}, type.name, {}, back);
       }
       *row.disk_bytes += directory_.take_bytes();
     }
-    if (with_change_) row.change = belief_change(back, map_);
+    if (options_.change) row.change = belief_change(back, map_);
   }
 
   void arrays(const Converter& converter, LayoutRow& row) const {
-    const double most = run_.max_memory_bytes == 0
-                            ? kMostArrayBytes
-                            : std::min(kMostArrayBytes, static_cast<double>(run_.max_memory_bytes) / 2);
-    if (const double bytes = array_bytes(); bytes > most) {
+    if (const double bytes = array_bytes(); bytes > kMostArrayBytes) {
       throw Error(ErrorCode::kLimit,
                   fmt::format("arrays over the whole extent would take {}: not written",
                               size_text(static_cast<std::uint64_t>(std::min(bytes, 1e18)))));
     }
-    const std::string path = write(converter, "map.npz", "", {}, run_.max_memory_bytes);
-    if (with_change_) {
+    const std::string path = write(converter, "map.npz", "", {});
+    if (options_.change) {
       Map back = nothing_yet();
-      read(converter, path, {}, run_.max_memory_bytes, "", {}, back);
+      read(converter, path, {}, "", {}, back);
       row.change = belief_change(back, map_);
     }
     row.disk_bytes = directory_.take_bytes();
@@ -247,15 +255,15 @@ class ForeignFormats {
   }
 
   const Map& map_;
-  bool with_change_;
+  const CompareOptions& options_;
   RunOptions run_;
   Directory directory_;
 };
 
 }  // namespace
 
-std::vector<LayoutRow> foreign_rows(const Map& map, bool with_change, const RunOptions& run) {
-  return ForeignFormats(map, with_change, run).rows();
+std::vector<LayoutRow> foreign_rows(const Map& map, const CompareOptions& options) {
+  return ForeignFormats(map, options).rows();
 }
 
 }  // namespace apgm::tools

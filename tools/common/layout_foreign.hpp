@@ -3,7 +3,6 @@
 #include <string>
 #include <vector>
 
-#include "apgm/ops/run.hpp"
 #include "tools/common/comparison.hpp"
 
 namespace apgm::tools {
@@ -13,8 +12,9 @@ namespace apgm::tools {
 /// alone. Really written by the converters of this build, to a temporary directory that is gone afterwards,
 /// and read back for the change of belief. A format that is not in this build, or that cannot hold the map,
 /// is a row with a note.
-/// @param run  its budget holds for each octree, 4 GiB if there is none; cancellation
+/// Without a bound of memory an octree may take 4 GiB; with one a format that would take more than is left is
+/// a row with a note, too.
 /// @throws Error{kOutput} if the directory cannot be made or is full, {kCancelled}
-std::vector<LayoutRow> foreign_rows(const Map& map, bool with_change, const RunOptions& run);
+std::vector<LayoutRow> foreign_rows(const Map& map, const CompareOptions& options);
 
 }  // namespace apgm::tools

@@ -1,12 +1,15 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <span>
 #include <vector>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/core/frame.hpp"
 #include "apgm/ops/render.hpp"
+#include "apgm/ops/run.hpp"
 
 namespace apgm::tools {
 
@@ -69,5 +72,23 @@ class PlanePicture {
   std::uint64_t cells_ = 0;
   std::map<PatchIndex, Plane> planes_;
 };
+
+/// Does work while a picture is collected, which takes `bytes` of the budget: `work(run)` with what is left.
+/// @throws over_budget() that says how much both need
+template <class Work>
+auto work_beside_picture(std::uint64_t bytes, RunOptions run, Work&& work) {
+  if (bytes == 0) return work(run);
+  if (run.max_memory_bytes != 0) {
+    check_budget(run.max_memory_bytes, bytes, "a picture is made in memory");
+    run.max_memory_bytes = std::max<std::uint64_t>(run.max_memory_bytes - bytes, 1);
+  }
+  try {
+    return work(run);
+  } catch (const Error& e) {
+    const auto hint = budget_hint(e);
+    if (!hint) throw;
+    throw over_budget(e.message(), bytes + (hint->least_mebibytes << 20));
+  }
+}
 
 }  // namespace apgm::tools

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "apgm/core/budget.hpp"
+#include "apgm/core/summary.hpp"
 #include "apgm/core/working_memory.hpp"
 #include "fuse/regrid_cells.hpp"
 #include "fuse/regrid_geometry.hpp"
@@ -188,10 +189,8 @@ class RegridSource final : public PatchSource, public WorkingMemory {
 
  private:
   static std::uint64_t most_cells(const Summary::OfType& type) {
-    for (int step = kMaxStep; step >= 0; --step) {
-      if (type.layers_at[static_cast<std::size_t>(step)] != 0) return std::uint64_t{1} << (2 * step);
-    }
-    return 0;
+    const auto step = finest_step(type);
+    return step ? std::uint64_t{1} << (2 * *step) : 0;
   }
 
   struct Link {

@@ -5,6 +5,7 @@
 #include "apgm/core/error.hpp"
 #include "apgm/fuse/resample.hpp"
 #include "apgm/layouts/comparison.hpp"
+#include "layouts/layout_patches.hpp"
 
 namespace apgm {
 namespace {
@@ -60,6 +61,31 @@ void compare(const Layer& before, const Layer& after, const LayerType& type, Bel
   }
 }
 
+/// @param back  the layer of a type (of `types_back`) that came back for the patch; nullptr: none
+template <class Back>
+void compare(const Patch& patch, const TypeTable& types, const TypeTable& types_back, Back&& back,
+             Layer& at_own_step, BeliefChange& change) {
+  for (const auto& [type, layer] : patch.layers) {
+    if (!types[type].is_evidence()) continue;
+    const auto id = types_back.find(types[type].name);
+    const Layer* after = id ? back(*id) : nullptr;
+    if (after == nullptr) {
+      const std::uint64_t known = known_cells(layer, types[type]);
+      change.known_cells += known;
+      change.lost_cells += known;
+      continue;
+    }
+    if (types_back[*id].channels != types[type].channels) {
+      throw Error(ErrorCode::kIncompatible, "layer '" + types[type].name + "' came back as another type");
+    }
+    if (after->step() != layer.step()) {
+      resample(*after, types[type], layer.step(), at_own_step);
+      after = &at_own_step;
+    }
+    compare(layer, *after, types[type], change);
+  }
+}
+
 }  // namespace
 
 BeliefChange belief_change(const Map& given_back, const Map& map) {
@@ -68,36 +94,31 @@ BeliefChange belief_change(const Map& given_back, const Map& map) {
       own.datum_y_um != other.datum_y_um) {
     throw Error(ErrorCode::kIncompatible, "the maps do not have the same patches");
   }
-  const TypeTable &types = map.header().types, &types_back = given_back.header().types;
   BeliefChange change;
   Layer at_own_step;
   for (const auto& [key, patch] : map.by_key()) {
-    for (const auto& [type, layer] : patch.layers) {
-      if (!types[type].is_evidence()) continue;
-      const auto id = types_back.find(types[type].name);
-      const Layer* back = id ? given_back.find(patch.index, *id) : nullptr;
-      if (back == nullptr) {
-        const std::uint64_t known = known_cells(layer, types[type]);
-        change.known_cells += known;
-        change.lost_cells += known;
-        continue;
-      }
-      if (types_back[*id].channels != types[type].channels) {
-        throw Error(ErrorCode::kIncompatible, "layer '" + types[type].name + "' came back as another type");
-      }
-      if (back->step() != layer.step()) {
-        resample(*back, types[type], layer.step(), at_own_step);
-        back = &at_own_step;
-      }
-      compare(layer, *back, types[type], change);
-    }
+    compare(
+        patch, map.header().types, given_back.header().types,
+        [&, index = patch.index](TypeId id) { return given_back.find(index, id); }, at_own_step, change);
   }
   return change;
 }
 
 BeliefChange belief_change(const Layout& layout, const Map& map) {
-  matching_ids(map.header().types, layout.schema().types());
-  return belief_change(to_map(layout, map.header().frame), map);
+  const TypeTable &types = map.header().types, &types_back = layout.schema().types();
+  matching_ids(types, types_back);
+  const layouts::LayoutPatches patches(layout, map.header().frame);
+  BeliefChange change;
+  Layer at_own_step;
+  for (const auto& [key, patch] : map.by_key()) {
+    const auto layers = patches.layers(patch.index);
+    const auto back = [&](TypeId id) {
+      const auto it = layers.find(id);
+      return it == layers.end() ? nullptr : &it->second;
+    };
+    compare(patch, types, types_back, back, at_own_step, change);
+  }
+  return change;
 }
 
 }  // namespace apgm

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "apgm/core/summary.hpp"
 #include "provenance.hpp"
 #include "shifted_source.hpp"
 
@@ -61,7 +62,7 @@ void align(const DiffInput& a, const DiffInput& b, DiffPlan& plan) {
   plan.reference = a.source;
   plan.other = b.source;
   if (f.datum_x_um == g.datum_x_um && f.datum_y_um == g.datum_y_um) return;
-  const auto offset = whole_cells(g, f, coarsest_step(*b.source).value_or(kMaxStep));
+  const auto offset = whole_cells(g, f, coarsest_step(b.source->summary()).value_or(kMaxStep));
   if (!offset) {
     fail(a, b,
          "datums differ by other than whole cells (" + datum_text(f) + " m and " + datum_text(g) + " m)",

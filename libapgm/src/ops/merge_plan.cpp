@@ -3,6 +3,7 @@
 #include <tuple>
 #include <utility>
 
+#include "apgm/core/summary.hpp"
 #include "apgm/fuse/framework.hpp"
 #include "apgm/fuse/regrid.hpp"
 #include "merge_state.hpp"
@@ -95,7 +96,7 @@ std::unique_ptr<PatchSource> aligned(const MergeInput& input, const MergeInput& 
   const bool same_edge = frame.edge_um == target.edge_um;
   if (same_edge && frame.datum_x_um == target.datum_x_um && frame.datum_y_um == target.datum_y_um) return {};
   if (same_edge) {
-    const int step = ops::coarsest_step(*input.source).value_or(kMaxStep);
+    const int step = coarsest_step(input.source->summary()).value_or(kMaxStep);
     if (const auto offset = ops::whole_cells(frame, target, step)) {
       return std::make_unique<ops::ShiftedSource>(*input.source, target, *offset);
     }

@@ -34,16 +34,6 @@ std::optional<CellOffset> whole_cells(const Frame& from, const Frame& to, int st
   return CellOffset{step, x / from.edge_um, y / from.edge_um};
 }
 
-std::optional<int> coarsest_step(const PatchSource& source) {
-  const Summary summary = source.summary();
-  for (int step = 0; step <= kMaxStep; ++step) {
-    for (const Summary::OfType& type : summary.types) {
-      if (type.layers_at[static_cast<std::size_t>(step)] != 0) return step;
-    }
-  }
-  return {};
-}
-
 class ShiftedCursor final : public PatchCursor {
  public:
   ShiftedCursor(const ShiftedSource& source, const std::optional<PatchRange>& range)

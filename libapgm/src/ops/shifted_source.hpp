@@ -22,9 +22,6 @@ struct CellOffset {
 /// Both frames have the same edge.
 std::optional<CellOffset> whole_cells(const Frame& from, const Frame& to, int step);
 
-/// The coarsest step of any layer; empty for a source without layers.
-std::optional<int> coarsest_step(const PatchSource& source);
-
 /// A source seen from another datum, a whole number of its coarsest cells away: no value changes.
 ///
 /// By whole patches layers keep their bytes and may pass as stored. By cells, a target layer is put together

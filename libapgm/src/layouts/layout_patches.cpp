@@ -1,25 +1,17 @@
+#include "layouts/layout_patches.hpp"
+
 #include <algorithm>
 #include <array>
-#include <map>
 #include <optional>
 
 #include "apgm/core/error.hpp"
 #include "apgm/fuse/resample.hpp"
 #include "layouts/cell_pool.hpp"
-#include "layouts/geometry.hpp"
 
-namespace apgm {
+namespace apgm::layouts {
 namespace {
 
-using layouts::CellPool;
-
-/// A block that reaches into a patch.
-struct Part {
-  const CellBlock* block = nullptr;
-  layouts::CellWindow window;
-  int step = 0;  // of the shorter side of its cells
-  bool is_square() const { return block->cell_x_um == block->cell_y_um; }
-};
+using Part = LayoutPatches::Part;
 
 /// Step of the shorter side of the block's cells. @throws Error{kIncompatible}
 int step_in(const Frame& frame, const CellBlock& block) {
@@ -86,7 +78,7 @@ class PatchBuilder {
       if (!wants(p)) continue;
       for (int b = p.window.b0; b < p.window.b1; ++b) {
         for (int a = p.window.a0; a < p.window.a1; ++a) {
-          visit(p, a, b, p.block->cells + layouts::position(*p.block, schema_.values(), a, b));
+          visit(p, a, b, p.block->cells + position(*p.block, schema_.values(), a, b));
         }
       }
     }
@@ -145,32 +137,53 @@ class PatchBuilder {
 
 }  // namespace
 
+LayoutPatches::LayoutPatches(const Layout& layout, const Frame& frame) : layout_(layout), frame_(frame) {
+  layout.for_each_block([&](const CellBlock& block) { blocks_.push_back(block); });
+  for (const CellBlock& block : blocks_) {
+    const int step = step_in(frame, block);
+    const PatchRange range = patches_in(frame, block.area());
+    for (std::int32_t y = range.min.y; y <= range.max.y; ++y) {
+      for (std::int32_t x = range.min.x; x <= range.max.x; ++x) {
+        const auto window = cells_in(block, area_of(frame, {x, y}));
+        parts_[{curve_key({x, y}), {x, y}}].push_back({&block, window, step});
+      }
+    }
+  }
+}
+
+std::map<TypeId, Layer> LayoutPatches::layers(PatchIndex patch) const {
+  std::map<TypeId, Layer> layers;
+  const auto it = parts_.find({curve_key(patch), patch});
+  if (it == parts_.end()) return layers;
+  PatchBuilder builder(layout_, area_of(frame_, patch), it->second);
+  for (std::size_t t = 0; t < layout_.schema().types().size(); ++t) {
+    const auto type = static_cast<TypeId>(t);
+    if (auto layer = builder.layer(type)) layers.emplace(type, std::move(*layer));
+  }
+  return layers;
+}
+
+std::vector<PatchIndex> LayoutPatches::reached() const {
+  std::vector<PatchIndex> all;
+  all.reserve(parts_.size());
+  for (const auto& [key, parts] : parts_) all.push_back(key.second);
+  return all;
+}
+
+}  // namespace apgm::layouts
+
+namespace apgm {
+
 Map to_map(const Layout& layout, const Frame& frame) {
   frame.check();
   MapHeader header;
   header.frame = frame;
   header.types = layout.schema().types();
   Map map(std::move(header));
-
-  std::vector<CellBlock> blocks;
-  layout.for_each_block([&](const CellBlock& block) { blocks.push_back(block); });
-  std::map<std::pair<std::uint64_t, PatchIndex>, std::vector<Part>> parts;
-  for (const CellBlock& block : blocks) {
-    const int step = step_in(frame, block);
-    const PatchRange range = layouts::patches_in(frame, block.area());
-    for (std::int32_t y = range.min.y; y <= range.max.y; ++y) {
-      for (std::int32_t x = range.min.x; x <= range.max.x; ++x) {
-        const auto window = layouts::cells_in(block, area_of(frame, {x, y}));
-        parts[{curve_key({x, y}), {x, y}}].push_back({&block, window, step});
-      }
-    }
-  }
-  for (const auto& [key, of_patch] : parts) {
-    PatchBuilder builder(layout, area_of(frame, key.second), of_patch);
-    for (std::size_t t = 0; t < map.header().types.size(); ++t) {
-      const auto type = static_cast<TypeId>(t);
-      if (auto layer = builder.layer(type)) map.patch(key.second).layers.emplace(type, std::move(*layer));
-    }
+  const layouts::LayoutPatches patches(layout, frame);
+  for (const PatchIndex patch : patches.reached()) {
+    auto layers = patches.layers(patch);
+    if (!layers.empty()) map.patch(patch).layers = std::move(layers);
   }
   return map;
 }
