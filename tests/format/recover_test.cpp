@@ -28,10 +28,12 @@ class RecoverTest : public testing::Test {
     layers_ = Recovery(dir_ / "good.apgm").report().layers;
     was_.emplace(read_map(dir_ / "good.apgm"));
   }
-  /// Recovers a file with these bytes; what is written is checked, and no layer in it is other than it was.
+  /// Recovers a file with these bytes; what is written is checked, and no layer in it is other than it was,
+  /// unless that is told of.
   RecoverReport recover(const std::string& bytes, const RecoverOptions& options = {}) {
     const Recovery recovery(std::as_bytes(std::span(bytes)), options);
     out_.clear();
+    foreign_ = 0;
     Writer writer(out_, recovery.header());
     stream(recovery, writer);
     VerifyOptions deep;
@@ -44,11 +46,14 @@ class RecoverTest : public testing::Test {
       for (const auto& [type, layer] : patch.layers) {
         const auto old = was_->header().types.find(is.header().types[type].name);
         const Layer* before = old ? was_->find(patch.index, *old) : nullptr;
-        EXPECT_TRUE(before != nullptr && same_cells(*before, layer) && before->stamp_ns == layer.stamp_ns);
+        foreign_ += before == nullptr || !same_cells(*before, layer) || before->stamp_ns != layer.stamp_ns;
         ++layers;
       }
     }
     EXPECT_EQ(layers, recovery.report().layers);
+    told_.clear();
+    for (const Loss& loss : recovery.report().losses) told_ += loss.text + "\n";
+    EXPECT_TRUE(foreign_ == 0 || told_.find("nothing vouches for") != std::string::npos) << told_;
     out_id_ = writer.report().content_id;
     return recovery.report();
   }
@@ -64,7 +69,8 @@ class RecoverTest : public testing::Test {
   }
 
   TempDir dir_;
-  std::string good_, id_, out_id_;
+  std::string good_, id_, out_id_, told_;  // told_: all losses
+  std::uint64_t foreign_ = 0;              // layers that are other than they were
   std::vector<std::byte> out_;
   std::optional<Map> was_;
   std::uint64_t layers_ = 0;
@@ -256,6 +262,123 @@ TEST_F(RecoverTest, RandomDamageNeverChangesALayer) {
     } catch (const Error& e) {
       EXPECT_EQ(e.code(), ErrorCode::kDamaged) << e.message();
     }
+  }
+}
+
+/// Blocks of another map that got into the file are as whole as its own.
+class RecoverFromStraysTest : public RecoverTest {
+ protected:
+  void SetUp() override {
+    RecoverTest::SetUp();
+    Map other = sample_map(22, 9, 4);
+    write_map(other, dir_ / "other.apgm");
+    other_ = read_file(dir_ / "other.apgm");
+    kept_end_ = first_of(good_, Kind::kIndexPage).offset;
+  }
+  /// `file` with a page of `size` bytes of the other map in it.
+  std::string with_page(std::string file, std::size_t to, std::size_t from, std::size_t size) const {
+    const std::string page = other_.substr(from, size);
+    return file.replace(to, page.size(), page);
+  }
+  std::string other_;
+  std::size_t kept_end_ = 0;  // of the layers
+};
+
+TEST_F(RecoverFromStraysTest, APageOfAnotherMapBringsNoLayer) {
+  int files = 0, with_foreign = 0;
+  for (const std::size_t size : {512, 4096}) {
+    for (std::size_t to = size; to < good_.size(); to += size) {
+      for (std::size_t from = 0; from < other_.size(); from += size) {
+        SCOPED_TRACE("page " + std::to_string(from) + " at " + std::to_string(to));
+        try {
+          const RecoverReport report = recover(with_page(good_, to, from, size));
+          EXPECT_TRUE(report.loss_count > 0 || out_id_ == id_);
+          ++files;
+          with_foreign += foreign_ > 0;
+        } catch (const HeaderLost&) {
+          EXPECT_LT(to, first_of(good_, Kind::kLayer).offset);
+        }
+      }
+    }
+  }
+  // Few: layers that stand in order by chance while the index is lost. That is told.
+  EXPECT_LT(10 * with_foreign, files);
+}
+
+TEST_F(RecoverFromStraysTest, NorDoesItWhereTheIndexIsLost) {
+  const std::string cut = good_.substr(0, kept_end_);
+  constexpr std::size_t kPage = 4096;
+  for (std::size_t to = kPage; to < cut.size(); to += kPage) {
+    for (std::size_t from = 0; from < other_.size(); from += kPage) {
+      SCOPED_TRACE("page " + std::to_string(from) + " at " + std::to_string(to));
+      recover(with_page(cut, to, from, kPage));
+      EXPECT_THAT(told_, HasSubstr("the index of commit 1"));
+      EXPECT_EQ(foreign_, 0u);
+    }
+  }
+}
+
+TEST_F(RecoverFromStraysTest, TheOwnHeaderLeads) {
+  const RecoverReport report = recover(good_.substr(0, kept_end_) + other_.substr(0, other_.size() / 2));
+  EXPECT_EQ(foreign_, 0u);
+  EXPECT_THAT(told_, HasSubstr("nothing says that they are of this map"));
+  EXPECT_EQ(report.layers, layers_);
+  EXPECT_EQ(Reader(out_).header().metadata.at("site"), was_->header().metadata.at("site"));
+}
+
+TEST_F(RecoverFromStraysTest, WhatLiesBehindTheFooterIsLeftOutAndTold) {
+  const BlockAt page = first_of(good_, Kind::kIndexPage);
+  std::string behind;
+  for (const BlockAt& block : blocks_of(other_)) {
+    if (block.header.kind == Kind::kLayer) behind += other_.substr(block.offset, block.bytes);
+  }
+  const RecoverReport report = recover(zeroed(good_, page.offset, page.bytes) + behind);
+  EXPECT_EQ(report.layers, layers_);
+  EXPECT_EQ(out_id_, id_);
+  EXPECT_THAT(told_, HasSubstr("whole layers are left out"));
+}
+
+TEST_F(RecoverFromStraysTest, OfTwoMapsInOneFileTheFirstIsSavedAndTheOtherTold) {
+  const RecoverReport report = recover(good_ + other_);
+  EXPECT_EQ(report.layers, layers_);
+  EXPECT_EQ(out_id_, id_);
+  EXPECT_THAT(told_, HasSubstr("whole layers are left out"));
+}
+
+TEST_F(RecoverFromStraysTest, WhatTheIndexContradictsDoesNotStandIn) {
+  // The same patches and types with other cells.
+  Map other(was_->header());
+  for (const auto& [key, patch] : was_->by_key()) {
+    for (const auto& [type, layer] : patch.layers) {
+      Layer& changed = other.layer(patch.index, type, layer.step());
+      changed = layer;
+      if (was_->header().types[type].is_occupancy()) std::ranges::fill(changed.plane(0), 0.25f);
+      if (was_->header().types[type].is_occupancy()) std::ranges::fill(changed.plane(1), 0.5f);
+    }
+  }
+  write_map(other, dir_ / "changed.apgm");
+  const std::string changed = read_file(dir_ / "changed.apgm");
+  const BlockAt lost = layer_blocks()[0], stray = first_of(changed, Kind::kLayer);
+  ASSERT_EQ(lost.header.key, stray.header.key);
+  std::string bad = zeroed(good_, lost.offset, lost.bytes);
+  bad.insert(lost.offset + lost.bytes, changed.substr(stray.offset, stray.bytes));
+  const RecoverReport report = recover(bad);
+  EXPECT_EQ(report.layers, layers_ - 1);
+  EXPECT_THAT(told_, HasSubstr("1 whole layer is left out"));
+}
+
+TEST_F(RecoverFromStraysTest, AHeaderOfAnotherFrameDoesNotStandIn) {
+  const BlockAt block = first_of(good_, Kind::kMapHeader);
+  MapHeader other = was_->header();
+  other.frame.frame_id = "odom";
+  RecoverOptions options;
+  options.header = &other;
+  try {
+    recover(zeroed(good_, block.offset, block.bytes), options);
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ErrorCode::kIncompatible);
+    EXPECT_THAT(e.message(), HasSubstr("the header that was given"));
   }
 }
 

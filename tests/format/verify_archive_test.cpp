@@ -4,11 +4,13 @@
 
 #include <chrono>
 #include <functional>
+#include <set>
 
 #include "apgm/core/error.hpp"
 #include "apgm/format/recover.hpp"
 #include "apgm/format/verify.hpp"
 #include "archive_support.hpp"
+#include "content_id.hpp"
 #include "file_parts.hpp"
 #include "footer.hpp"
 #include "map_header.hpp"
@@ -322,6 +324,57 @@ TEST_F(VerifyArchiveTest, TypesOfOldCommitsAreKnownAfterMany) {
     if (index || layer) bad = zeroed(bad, block.offset, block.bytes);
   }
   EXPECT_TRUE(same_content(recovered(bad), next));
+}
+
+TEST_F(VerifyArchiveTest, CommitsWithEqualHeadersAreRecoveredWithoutALoss) {
+  const Map map = sample_map(31, 5, 3);
+  commit_map(dir_ / "twice.apgm", Map(MapHeader{}), map);
+  commit_map(dir_ / "twice.apgm", map, map);
+  recovered(read_file(dir_ / "twice.apgm"));
+  EXPECT_EQ(report_.commit, 2u);
+  EXPECT_EQ(report_.loss_count, 0u) << report_.losses[0].text;
+}
+
+// Pages of another archive, whose commits have other numbers, and of a map.
+TEST_F(VerifyArchiveTest, PagesOfAnotherFileBringNoLayer) {
+  std::set<std::uint64_t> own;
+  for (const Map& map : maps_) {
+    for (const auto& [key, patch] : map.by_key()) {
+      for (const auto& [type, layer] : patch.layers) own.insert(format::content_hash(layer));
+    }
+  }
+  std::mt19937_64 rng(10);
+  std::vector<Map> maps{Map(MapHeader{}), sample_map(41, 9, 4)};
+  commit_map(dir_ / "b.apgm", maps[0], maps[1]);
+  for (int i = 0; i < 9; ++i) {
+    maps.push_back(changed_map(maps.back(), rng, 3));
+    commit_map(dir_ / "b.apgm", maps[maps.size() - 2], maps.back());
+  }
+  write_map(sample_map(42, 9, 4), dir_ / "c.apgm");
+  constexpr std::size_t kPage = 2048;
+  for (const std::string other : {"b.apgm", "c.apgm"}) {
+    const std::string pages = read_file(dir_ / other);
+    for (std::size_t to = kPage; to + kPage < good_.size(); to += kPage) {
+      for (std::size_t from = 0; from + kPage <= pages.size(); from += kPage) {
+        SCOPED_TRACE(other + " page " + std::to_string(from) + " at " + std::to_string(to));
+        std::string bad = good_;
+        bad.replace(to, kPage, pages, from, kPage);
+        const Recovery recovery(std::as_bytes(std::span(bad)));
+        EXPECT_EQ(recovery.report().commit, 4u);
+        std::string told;
+        for (const Loss& loss : recovery.report().losses) told += loss.text + "\n";
+        const auto cursor = recovery.patches();
+        PatchInfo patch;
+        while (cursor->next(patch)) {
+          for (const LayerInfo& info : patch.layers) {
+            StoredLayer stored;
+            recovery.load_stored(info, stored);
+            EXPECT_TRUE(own.contains(stored.content_hash)) << told;
+          }
+        }
+      }
+    }
+  }
 }
 
 }  // namespace

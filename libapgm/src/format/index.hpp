@@ -26,6 +26,9 @@ struct Root {
   std::vector<Summary::OfType> totals;
 };
 
+/// Entries of a stored page, as they are. @throws Error{kDamaged}
+void unpack_page(Bytes block, std::vector<IndexEntry>& out);
+
 /// Entries of a stored page, checked: count, strict order by (key, type), key = curve(ix, iy), blocks within
 /// [64, `end`) and no larger than their type and step allow, steps that the totals of `root` know, encoding
 /// known.

@@ -13,6 +13,7 @@
 #include "parallel.hpp"
 #include "preamble.hpp"
 #include "recover_plan.hpp"
+#include "recover_strays.hpp"
 #include "scan.hpp"
 
 namespace apgm {
@@ -24,14 +25,18 @@ namespace {
 /// Layers that are decoded before the caller hears of progress again.
 constexpr std::size_t kBatch = 4096;
 
-/// Where the last commit ends; the file's end if that is not to be known.
-std::uint64_t committed_end(const InputFile& file, RecoverReport& report) {
-  bool archive = false;
+/// What the preamble says; nullopt if it is lost.
+std::optional<bool> stated_archive(const InputFile& file) {
   try {
-    archive = is_archive(read_preamble(file));
+    return is_archive(read_preamble(file));
   } catch (const Error& e) {
     if (e.code() != ErrorCode::kDamaged && e.code() != ErrorCode::kForeign) throw;
+    return {};
   }
+}
+
+/// Where the last commit ends; the file's end if that is not to be known.
+std::uint64_t committed_end(const InputFile& file, bool archive, RecoverReport& report) {
   try {
     report.uncommitted_bytes = find_last_footer(file, archive).uncommitted_bytes;
   } catch (const Error& e) {
@@ -113,9 +118,11 @@ struct Recovery::State {
 
   void run() {
     const auto progress = [&](std::uint64_t done) { tell(done); };
-    const std::uint64_t end = committed_end(file, report);
+    const std::optional<bool> archive = stated_archive(file);
+    const std::uint64_t end = committed_end(file, archive.value_or(false), report);
     salvage.scan(end, progress);
     check_any();
+    mark_strays(salvage, archive);
     leave_out_unfinished(end, progress);
     plan.make();
     test_layers();

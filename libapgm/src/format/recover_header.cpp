@@ -7,34 +7,24 @@
 #include "recover_plan.hpp"
 
 namespace apgm::format {
-namespace {
-
-/// A whole Footer block. What it says of places is not held against the file: bytes may be missing before it.
-std::optional<Footer> footer_of(const Salvage& salvage, const FoundBlock& found) {
-  const std::vector<std::byte> bytes = salvage.block(found.offset, found.bytes);
-  const Block block = parse_block(bytes, Kind::kFooter);
-  if (!block.meta.empty() || block.body.size() != sizeof(Footer)) return std::nullopt;
-  const auto footer = read_as<Footer>(block.body);
-  if (footer.tail != kTail || footer.commits != found.commit) return std::nullopt;
-  return footer;
-}
-
-}  // namespace
-
 /// The newest commit that any block is of, and its footer.
 void RecoverPlan::find_newest() {
+  const auto see = [&](const auto& found) {
+    if (!found.stray) newest_ = std::max(newest_, found.commit);
+  };
   for (const auto* list : {&salvage_.headers, &salvage_.pages, &salvage_.roots, &salvage_.footers}) {
-    for (const FoundBlock& block : *list) newest_ = std::max(newest_, block.commit);
+    for (const FoundBlock& block : *list) see(block);
   }
-  for (const FoundLayer& layer : salvage_.layers) newest_ = std::max(newest_, layer.commit);
-  for (const Broken& broken : salvage_.broken) newest_ = std::max(newest_, broken.commit);
+  for (const FoundLayer& layer : salvage_.layers) see(layer);
+  for (const Broken& broken : salvage_.broken) see(broken);
   for (auto at = salvage_.footers.rbegin(); at != salvage_.footers.rend() && !footer_; ++at) {
-    if (at->commit == newest_) footer_ = footer_of(salvage_, *at);
+    if (at->commit == newest_ && !at->stray) footer_ = salvage_.footer(*at);
+    footer_in_place_ = footer_ && footer_->file_bytes == at->offset + kFooterBlockBytes;
   }
   report_.commit = newest_;
   std::set<std::uint64_t> older;  // one commit may have several footers
   for (const FoundBlock& footer : salvage_.footers) {
-    if (footer.commit < newest_) older.insert(footer.commit);
+    if (footer.commit < newest_ && !footer.stray) older.insert(footer.commit);
   }
   report_.older_commits = older.size();
 }
@@ -54,7 +44,9 @@ void RecoverPlan::find_headers() {
     }
     if (const auto at = named(); at != headers.end()) named_header_ = *at;
   }
-  for (const FoundBlock& block : headers) header_of_[block.commit] = block;
+  for (const FoundBlock& block : headers) {
+    if (!block.stray) header_of_[block.commit] = block;
+  }
 }
 
 const FoundBlock* RecoverPlan::header_of(std::uint64_t commit) const {
@@ -95,7 +87,9 @@ bool RecoverPlan::find_root() {
   for (const FoundBlock& root : roots) {
     check_cancelled();
     const FoundBlock* block = nullptr;
-    if (footer_ && named_header_ && footer_->root_hash == root.payload_hash) block = &*named_header_;
+    const bool named = footer_ && footer_->root_hash == root.payload_hash;
+    if (root.stray && !named) continue;
+    if (named && named_header_) block = &*named_header_;
     if (block == nullptr) block = header_of(root.commit);
     if (block == nullptr && options_.header == nullptr) block = newest_header(root.commit);
     if (use_root(root, block, options_.header)) return true;
@@ -109,7 +103,11 @@ bool RecoverPlan::use_root(const FoundBlock& found, const FoundBlock* header_blo
   if (map_header == nullptr) return false;
   try {
     constexpr std::uint64_t kAnywhere = std::uint64_t{1} << 62;  // places are found by hash
-    root_ = read_root(salvage_.block(found.offset, found.bytes), kAnywhere, map_header->types.size());
+    const Root root =
+        read_root(salvage_.block(found.offset, found.bytes), kAnywhere, map_header->types.size());
+    const bool named = footer_ && footer_->root_hash == found.payload_hash;
+    if (!named && is_of_another_file(root)) return false;
+    root_ = root;
     root_commit_ = found.commit;
     header = *map_header;
     took_header(header_block);
@@ -118,6 +116,24 @@ bool RecoverPlan::use_root(const FoundBlock& found, const FoundBlock* header_blo
     if (e.code() == ErrorCode::kUnreadable) throw;
     return false;
   }
+}
+
+/// None of its pages is there, and where one should be there is a whole layer.
+bool RecoverPlan::is_of_another_file(const Root& root) {
+  if (page_hashes_.empty()) {
+    for (const FoundBlock& page : salvage_.pages) page_hashes_.insert(page.payload_hash);
+  }
+  const auto place = [](const FoundLayer& layer) { return layer.info.locator; };
+  bool contradicts = false;
+  for (const fbs::PageRef& page : root.pages) {
+    if (page_hashes_.contains(page.hash())) return false;
+    // Layers are by place, so far.
+    const auto after = std::ranges::upper_bound(salvage_.layers, page.offset(), {}, place);
+    if (after == salvage_.layers.begin()) continue;
+    const FoundLayer& before = *std::prev(after);
+    contradicts |= page.offset() - place(before) < before.info.stored_bytes;
+  }
+  return contradicts;
 }
 
 void RecoverPlan::use_header_alone() {
@@ -135,12 +151,13 @@ void RecoverPlan::use_header_alone() {
 
 /// Says so if the header is not the one the newest commit had.
 void RecoverPlan::took_header(const FoundBlock* block) {
-  if (block == nullptr) {
+  header_is_given_ = block == nullptr;
+  if (header_is_given_) {
     header.metadata.clear();
     header.history.clear();
     header.stamp_ns = 0;
     lose(sizeof(Preamble), "the map header: frame and layer types are those that were given");
-  } else if (block->commit != newest_ || (footer_ && footer_->header_hash != block->payload_hash)) {
+  } else if (footer_ ? footer_->header_hash != block->payload_hash : block->commit != newest_) {
     lose(block->offset, "the map header of commit " + std::to_string(newest_) + ": that of commit " +
                             std::to_string(block->commit) + " stands in for it");
   }

@@ -35,6 +35,7 @@ void RecoverPlan::make() {
   std::ranges::sort(salvage_.broken, {}, &Broken::offset);
   read_tables();
   if (root_) take_index();
+  if (root_ && is_index_of_few()) forget_index();
   take_unindexed();
   // An unindexed layer replaces the one of the index: it is newer.
   std::ranges::stable_sort(unindexed_, {}, order_of);
@@ -44,6 +45,43 @@ void RecoverPlan::make() {
   std::ranges::merge(unindexed_, indexed, std::back_inserter(layers), {}, order_of, order_of);
   const auto same = [](const Chosen& a, const Chosen& b) { return order_of(a) == order_of(b); };
   layers.erase(std::unique(layers.begin(), layers.end(), same), layers.end());
+  count_left_out();
+}
+
+/// Of an archive layers of older states are left out rightly.
+void RecoverPlan::count_left_out() {
+  std::optional<std::uint64_t> key;
+  std::vector<std::uint64_t> taken;  // content hashes, of the patch
+  for (const FoundLayer& found : salvage_.layers) {
+    if (!salvage_.sealed && !found.stray) continue;
+    if (key != found.key) {
+      key = found.key;
+      taken.clear();
+      for (const Chosen& c : std::ranges::equal_range(layers, found.key, {}, &Chosen::key)) {
+        taken.push_back(c.info.content_hash);
+      }
+      std::ranges::sort(taken);
+    }
+    if (std::ranges::binary_search(taken, found.info.content_hash)) continue;
+    if (left_out_++ == 0) first_left_out_ = &found;
+  }
+}
+
+/// A footer that does not lie where it says may have come with a page of another map, whose header is the
+/// same.
+bool RecoverPlan::is_index_of_few() const {
+  if (!salvage_.sealed || footer_in_place_) return false;
+  const auto found = std::ranges::count(salvage_.layers, false, &FoundLayer::stray);
+  return 2 * layers.size() < static_cast<std::size_t>(found);
+}
+
+void RecoverPlan::forget_index() {
+  root_.reset();
+  footer_.reset();
+  layers.clear();
+  lost_entries_.clear();
+  lost_pages_.clear();
+  report_.index = false;
 }
 
 void RecoverPlan::take_index() {
@@ -93,6 +131,7 @@ bool RecoverPlan::in_lost_page(std::uint64_t key) const {
 
 /// What no index names: all without one, what is newer than it, and what stood in a page that is lost.
 void RecoverPlan::take_unindexed() {
+  find_older_states();
   const std::vector<FoundLayer>& found = salvage_.layers;
   for (std::size_t from = 0, to = 0; from < found.size(); from = to) {
     for (to = from; to < found.size() && found[to].key == found[from].key; ++to) {
@@ -108,10 +147,12 @@ void RecoverPlan::take_group(std::size_t from, std::size_t to) {
   bool wanted =
       !root_ || in_lost_page(key) ||
       std::ranges::binary_search(lost_entries_, key, {}, [](const LostEntry& e) { return e.order.first; });
-  for (std::size_t i = from; i < to && !wanted; ++i) wanted = found[i].commit > root_commit_;
+  for (std::size_t i = from; i < to && !wanted; ++i)
+    wanted = !found[i].stray && found[i].commit > root_commit_;
   if (!wanted) return;
   std::map<std::uint16_t, const FoundLayer*> newest;
   for (std::size_t i = from; i < to; ++i) {
+    if (!may_be_taken(found[i])) continue;
     const auto type = type_in_map(found[i]);
     if (!type) continue;
     const FoundLayer*& best = newest[*type];
@@ -119,6 +160,33 @@ void RecoverPlan::take_group(std::size_t from, std::size_t to) {
     if (best == nullptr || age(*best) < age(found[i])) best = &found[i];
   }
   for (const auto& [type, layer] : newest) add_unindexed(*layer, type);
+}
+
+/// An index says what the map holds of a patch. In place of what is lost of that counts only what an earlier
+/// index of the archive named.
+bool RecoverPlan::may_be_taken(const FoundLayer& layer) const {
+  if (layer.stray) return false;
+  if (!root_ || layer.commit > root_commit_ || in_lost_page(layer.key)) return true;
+  return older_states_.contains(layer.payload_hash);
+}
+
+void RecoverPlan::find_older_states() {
+  if (salvage_.sealed || lost_entries_.empty()) return;
+  const auto key = [](const LostEntry& e) { return e.order.first; };
+  std::vector<IndexEntry> entries;
+  for (const FoundBlock& page : salvage_.pages) {
+    if (page.stray) continue;
+    check_cancelled();
+    try {
+      unpack_page(salvage_.block(page.offset, page.bytes), entries);
+    } catch (const Error& e) {
+      if (e.code() == ErrorCode::kUnreadable) throw;
+      continue;
+    }
+    for (const IndexEntry& e : entries) {
+      if (std::ranges::binary_search(lost_entries_, e.key, {}, key)) older_states_.insert(e.stored_hash);
+    }
+  }
 }
 
 void RecoverPlan::add_unindexed(const FoundLayer& layer, std::uint16_t type) {
@@ -155,15 +223,25 @@ void RecoverPlan::lose(std::uint64_t offset, std::string text, std::optional<Pat
   }
 }
 
-/// The newest footer states how many layers there were, and a hash over all of them.
-bool RecoverPlan::is_complete() const {
-  if (!footer_ || layers.size() != footer_->layers) return false;
+/// The newest footer states a hash over all layers, and the frame.
+bool RecoverPlan::has_stated_id() const {
   ContentId id(header);
   for (const Chosen& c : layers) id.add(c.info.patch, c.info.type, c.info.step, c.info.content_hash);
   return id.value() == footer_->content_id;
 }
 
+/// A header that was given in place of a lost one is tried by the hash over all layers, if these are there.
+void RecoverPlan::check_given_header() const {
+  if (!header_is_given_ || !has_all_layers() || !unindexed_.empty() || has_stated_id()) return;
+  throw Error(ErrorCode::kIncompatible, "the header that was given is not that of '" + file_.path() +
+                                            "': frame or layer types are others")
+      .hint(
+          "all layers are whole, and the content id in the footer tells; give a map of the same frame and "
+          "types");
+}
+
 void RecoverPlan::tell_losses() {
+  check_given_header();
   for (const LostEntry& entry : lost_entries_) {
     if (counts_only()) {
       count_loss();
@@ -175,7 +253,14 @@ void RecoverPlan::tell_losses() {
     lose(entry.offset, std::move(text), entry.patch, layer);
   }
   check_cancelled();
-  if (!is_complete()) tell_unlisted();
+  if (!has_all_layers() || !has_stated_id()) tell_unlisted();
+  if (left_out_ > 0) {
+    const PatchIndex patch = first_left_out_->info.patch;
+    lose(first_left_out_->info.locator,
+         std::to_string(left_out_) + " whole " + (left_out_ == 1 ? "layer is" : "layers are") +
+             " left out, the first of patch (" + std::to_string(patch.x) + "," + std::to_string(patch.y) +
+             "): nothing says that they are of this map");
+  }
 }
 
 /// Layers that no index names, so that only their remains tell of them.
@@ -197,12 +282,20 @@ void RecoverPlan::tell_unlisted() {
   for (const Broken& b : salvage_.broken) {
     if (b.kind == Kind{}) lose(b.offset, std::to_string(b.bytes) + " bytes that hold no whole block");
   }
+  const auto layers_text = [](std::uint64_t n) {
+    return std::to_string(n) + (n == 1 ? " layer" : " layers");
+  };
+  const std::string taken =
+      unindexed_.empty() ? "" : "; " + layers_text(unindexed_.size()) + " that nothing vouches for are taken";
   if (has_index) {
-    lose(lost_pages_.front().offset, std::to_string(lost_pages_.size()) +
-                                         " pages of the index: layers that only they named may be lost too");
+    const std::size_t n = lost_pages_.size();
+    lose(lost_pages_.front().offset, std::to_string(n) + (n == 1 ? " page" : " pages") +
+                                         " of the index: layers that nothing else named may be lost too" +
+                                         taken);
   } else {
     lose(file_.size(), "the index of commit " + std::to_string(newest_) +
-                           ": layers that only it named may be lost too, some may have been dropped by it");
+                           ": layers that only it named may be lost too, some may have been dropped by it" +
+                           taken);
   }
 }
 

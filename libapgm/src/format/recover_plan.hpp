@@ -5,6 +5,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -65,6 +66,7 @@ class RecoverPlan {
   void find_newest();
   bool find_root();
   bool use_root(const FoundBlock& root, const FoundBlock* header_block, const MapHeader* given);
+  bool is_of_another_file(const Root& root);
   void use_header_alone();
   void find_headers();
   const FoundBlock* header_of(std::uint64_t commit) const;
@@ -80,13 +82,20 @@ class RecoverPlan {
 
   // recover_plan.cpp: the layers.
   void take_index();
+  bool is_index_of_few() const;
+  void forget_index();
   void take_entry(const IndexEntry& entry);
   void take_unindexed();
+  void find_older_states();
+  bool may_be_taken(const FoundLayer& layer) const;
   void take_group(std::size_t from, std::size_t to);
   void add_unindexed(const FoundLayer& layer, std::uint16_t type);
   bool in_lost_page(std::uint64_t key) const;
   std::string why_missing(std::uint64_t offset) const;
-  bool is_complete() const;
+  void count_left_out();
+  bool has_all_layers() const { return footer_ && layers.size() == footer_->layers; }
+  bool has_stated_id() const;
+  void check_given_header() const;
   void tell_unlisted();
 
   const InputFile& file_;
@@ -95,10 +104,12 @@ class RecoverPlan {
   RecoverReport& report_;
 
   std::optional<Footer> footer_;  // of the newest commit, if whole
-  std::uint64_t newest_ = 0;      // commit
+  bool footer_in_place_ = false;
+  std::uint64_t newest_ = 0;  // commit
   std::optional<Root> root_;
   std::uint64_t root_commit_ = 0;
   std::optional<FoundBlock> named_header_;         // by the newest footer
+  bool header_is_given_ = false;                   // by options_
   std::map<std::uint64_t, FoundBlock> header_of_;  // by commit, its last
   std::array<Remembered, 2> remembered_;           // the named one, another
   using Numbers = std::vector<std::uint16_t>;      // by type of a commit: its number in the map, or kNoType
@@ -109,9 +120,13 @@ class RecoverPlan {
     bool differs = false;
   };
   std::map<std::uint16_t, Agreed> agreed_;  // what all tables say of a number
+  std::unordered_set<std::uint64_t> page_hashes_;
   std::vector<Chosen> unindexed_;
   std::vector<LostEntry> lost_entries_;
+  std::unordered_set<std::uint64_t> older_states_;  // of what lost entries named: hashes in all pages
   std::vector<LostPage> lost_pages_;
+  std::uint64_t left_out_ = 0;                  // whole layers that the map does not get
+  const FoundLayer* first_left_out_ = nullptr;  // by key
 };
 
 }  // namespace apgm::format

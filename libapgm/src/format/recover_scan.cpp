@@ -179,6 +179,15 @@ std::vector<std::byte> Salvage::block(std::uint64_t offset, std::uint64_t bytes)
   return out;
 }
 
+std::optional<Footer> Salvage::footer(const FoundBlock& found) const {
+  const std::vector<std::byte> bytes = block(found.offset, found.bytes);
+  const Block parsed = parse_block(bytes, Kind::kFooter);
+  if (!parsed.meta.empty() || parsed.body.size() != sizeof(Footer)) return std::nullopt;
+  const auto footer = read_as<Footer>(parsed.body);
+  if (footer.tail != kTail || footer.commits != found.commit) return std::nullopt;
+  return footer;
+}
+
 std::uint64_t Salvage::memory_bytes() const {
   constexpr std::uint64_t kLists = 3;  // as found, as chosen, as merged
   return kLists * layers.capacity() * sizeof(FoundLayer) + broken.capacity() * sizeof(Broken) +

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <unordered_map>
 #include <vector>
 
@@ -18,6 +19,7 @@ struct FoundBlock {
   std::uint64_t bytes = 0;
   std::uint64_t payload_hash = 0;
   std::uint64_t commit = 0;
+  bool stray = false;  ///< of another file, it seems (mark_strays)
 };
 
 struct FoundLayer {
@@ -25,6 +27,7 @@ struct FoundLayer {
   std::uint64_t key = 0;
   std::uint64_t payload_hash = 0;
   std::uint64_t commit = 0;
+  bool stray = false;
 };
 
 /// Bytes that are no whole block.
@@ -35,6 +38,7 @@ struct Broken {
   std::uint64_t key = 0;
   std::uint64_t commit = 0;
   const char* why = "";
+  bool stray = false;
 };
 
 /// All that is whole in a file, wherever it stands. Blocks with one flipped bit are repaired: their checksum
@@ -47,6 +51,9 @@ class Salvage {
   void scan(std::uint64_t end, const std::function<void(std::uint64_t)>& progress);
   /// Bytes of a whole block, repaired where it was.
   std::vector<std::byte> block(std::uint64_t offset, std::uint64_t bytes) const;
+  /// What a whole Footer block says; nullopt if it is malformed. Its places are not held against the file:
+  /// bytes may be missing before it.
+  std::optional<Footer> footer(const FoundBlock& found) const;
   /// Looks for the payload of the MapHeader block at `offset`, whose own header is lost, by its hash; adds it
   /// to `headers`. False if it is not there.
   bool find_header(std::uint64_t offset, std::uint64_t bytes, std::uint64_t hash, std::uint64_t commit);
@@ -58,6 +65,7 @@ class Salvage {
   std::vector<FoundLayer> layers;
   std::vector<Broken> broken;
   std::uint64_t repaired = 0;
+  bool sealed = false;  ///< the file is a map of one commit, not an archive
 
  private:
   void take(const Spot& spot);
