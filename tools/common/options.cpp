@@ -91,7 +91,8 @@ void OutputChoice::check(Session& session, const std::vector<std::string>& input
 void check_output_path(const std::string& path, bool overwrite, const std::vector<std::string>& inputs) {
   check_not_an_input(path, inputs);
   struct stat file {};
-  if (::stat(path.c_str(), &file) == 0) {
+  const bool there = ::stat(path.c_str(), &file) == 0;
+  if (there) {
     if (S_ISDIR(file.st_mode)) {
       throw output_error(path, fmt::format("output '{}' is a directory", path), "name a file in it");
     }
@@ -118,9 +119,12 @@ void check_output_path(const std::string& path, bool overwrite, const std::vecto
                        "name an output in another directory");
   }
   if (::access(directory.c_str(), W_OK) != 0) {
-    throw output_error(
-        path, fmt::format("cannot create '{}': directory '{}': {}", path, directory, std::strerror(errno)),
-        "name an output in a directory you may write to");
+    throw output_error(path,
+                       fmt::format("cannot {} '{}': directory '{}': {}", there ? "replace" : "create", path,
+                                   directory, std::strerror(errno)),
+                       there ? "the new file is written beside the old one first: name an output in a "
+                               "directory you may write to"
+                             : "name an output in a directory you may write to");
   }
 }
 
