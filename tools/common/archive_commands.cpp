@@ -95,7 +95,8 @@ class CommitCommand final : public Tool {
              "number the last commit must have; 0: the archive must be new");
     add_text(app, kArchiveGroup, "--level", level_, "1..19",
              "effort of the compression of layers that are not stored yet (default 3)");
-    add_switch(app, kArchiveGroup, "-n,--dry-run", dry_run_, "say what would be stored, write nothing");
+    add_switch(app, kArchiveGroup, "-n,--dry-run", dry_run_,
+               "check all that a commit checks, say what would be stored, write nothing");
     heavy_.add(app);
   }
 
@@ -110,6 +111,7 @@ class CommitCommand final : public Tool {
     if (expect_) options_.expected = parse_commit("--expect", *expect_, 0);
     if (level_) options_.level = static_cast<int>(parse_integer("--level", *level_, 1, 19));
     options_.create = true;
+    options_.dry_run = dry_run_;
     heavy_.check();
     std::error_code error;
     const auto status = std::filesystem::status(archive_, error);
@@ -134,18 +136,20 @@ class CommitCommand final : public Tool {
     session.result()["archive"] = archive_;
     session.result()["input"] = {{"path", map_}, {"content_id", map.content_id()}};
     session.result()["dry_run"] = dry_run_;
-    if (dry_run_) return dry_run(session, map);
     ArchiveWriter writer(archive_, options_);
-    const TornEnd torn = writer.torn();
     if (writer.last() == nullptr) {
       writer.begin(header, {}, commit_);
+      if (dry_run_) return report_dry_run(session, map, 0, 0);
       put(session, map, header, writer);
     } else {
+      if (dry_run_) step_opened(session, archive_, *writer.last());
       const ChangesSource changes = changes_from(session, *writer.last(), map);
       writer.begin(header, changes.gone(), commit_);
+      const std::uint64_t last = writer.last()->file().commits;
+      if (dry_run_) return report_dry_run(session, changes, last, changes.gone().size());
       put(session, changes, header, writer);
     }
-    warn_of_cut(session, archive_, torn);
+    warn_of_cut(session, archive_, writer.torn());
     report(session, writer.report());
   }
 
@@ -161,24 +165,10 @@ class CommitCommand final : public Tool {
     writer.finish();
   }
 
-  void dry_run(Session& session, const Reader& map) {
-    std::error_code error;
-    std::uint64_t last = 0, layers = 0, gone = 0;
-    const auto count = [](const PatchSource& source) {
-      std::uint64_t n = 0;
-      for (const Summary::OfType& type : source.summary().types) n += type.layers;
-      return n;
-    };
-    if (std::filesystem::exists(archive_, error)) {
-      const Reader archive(archive_);
-      step_opened(session, archive_, archive);
-      last = archive.file().commits;
-      const ChangesSource changes = changes_from(session, archive, map);
-      layers = count(changes);
-      gone = changes.gone().size();
-    } else {
-      layers = count(map);
-    }
+  static void report_dry_run(Session& session, const PatchSource& source, std::uint64_t last,
+                             std::uint64_t gone) {
+    std::uint64_t layers = 0;
+    for (const Summary::OfType& type : source.summary().types) layers += type.layers;
     session.result()["commit"] = last + 1;
     session.result()["layers_written"] = layers;
     session.result()["layers_gone"] = gone;

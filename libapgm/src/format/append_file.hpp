@@ -30,6 +30,9 @@ class AppendFile : public ReadAt {
 /// The failure of who is not the only writer of an archive.
 Error another_writes(const std::string& path);
 
+/// @throws Error{kOutput} if the file is not there, no regular file, or may not be written; it stays as it is
+void check_may_write(const std::string& path);
+
 /// An existing file under an exclusive lock that lasts as long as the object.
 class LockedFile final : public AppendFile {
  public:

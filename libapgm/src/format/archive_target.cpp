@@ -105,6 +105,18 @@ void write_tags(AppendTarget& target, const Tags& tags) {
   target.close(footer_block(footer));
 }
 
+TrialTarget::TrialTarget() : size_(sizeof(Preamble)) {}
+
+TrialTarget::TrialTarget(const std::string& path) {
+  check_may_write(path);
+  input_.emplace(path);
+  check_may_append(*input_);
+  const Tail tail = find_last_footer(*input_, true);
+  base_ = open_commit(*input_, tail.last);
+  torn_ = torn_end(*input_, tail);
+  size_ = base_->at.end();
+}
+
 namespace {
 
 /// Runs `work` on a file that was not there before: if it is there when that fails, another made it.
