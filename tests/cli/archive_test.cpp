@@ -209,6 +209,11 @@ TEST_F(ArchiveCliTest, OnlyRegularFilesAreArchives) {
     expect_failure(archive({"tag", file, "x"}), 5, "'" + file + "' is not a regular file");
     expect_failure(archive({"compact", file}), 5, "'" + file + "' is not a regular file");
   }
+  commit_all();
+  for (const std::string file : {"/dev/null", "/dev/full", "pipe"}) {
+    expect_failure(archive({"compact", "a.apgm", "-o", file, "-O"}), 5,
+                   "'" + file + "' is not a regular file", "an archive is a file on a disk");
+  }
 }
 
 TEST_F(ArchiveCliTest, CompactWithinABudget) {

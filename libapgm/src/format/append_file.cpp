@@ -40,12 +40,16 @@ int open_regular(const std::string& path, struct stat& st) {
   if (error == 0 && S_ISREG(st.st_mode)) return fd;
   ::close(fd);
   if (error != 0) fail(path, "open", error);
-  throw Error(ErrorCode::kOutput, "'" + path + "' is not a regular file")
-      .hint("an archive is a file on a disk")
-      .at(path);
+  throw no_regular_file(path);
 }
 
 }  // namespace
+
+Error no_regular_file(const std::string& path) {
+  return Error(ErrorCode::kOutput, "'" + path + "' is not a regular file")
+      .hint("an archive is a file on a disk")
+      .at(path);
+}
 
 void check_may_write(const std::string& path) {
   struct stat st {};
