@@ -11,6 +11,11 @@
 namespace apgm::format {
 
 Preamble check_is_archive(const InputFile& file) {
+  if (file.size() == 0) {
+    throw Error(ErrorCode::kForeign, "'" + file.path() + "' is not an archive: it is empty")
+        .hint("remove it: 'apgm-archive commit' makes an archive where there is no file")
+        .at(file.path(), 0);
+  }
   const Preamble preamble = read_preamble(file);
   if (is_archive(preamble)) return preamble;
   throw Error(ErrorCode::kIncompatible, "'" + file.path() + "' is a sealed map, not an archive")
