@@ -89,11 +89,13 @@ TEST_P(EveryToolTest, HelpComesBeforeAnyComplaint) {
 TEST_P(EveryToolTest, VersionNamesFormatAndLibraries) {
   const Outcome outcome = tool({"-V"});
   EXPECT_EQ(outcome.code, 0);
-  EXPECT_THAT(outcome.out,
-              testing::MatchesRegex(name() + " [0-9.]+ \\(format 1\\.0, zstd 1[0-9.]+, FlatBuffers "
-                                             "2[0-9.]+\\)\n"));
+  EXPECT_THAT(
+      outcome.out,
+      testing::MatchesRegex(name() + " [0-9.]+ \\(format 1\\.0, archives 1\\.1, zstd 1[0-9.]+, FlatBuffers "
+                                     "2[0-9.]+\\)\n"));
   const Json document = Json::parse(tool({"--version", "--json"}).out);
   EXPECT_EQ(document["format_version"], "1.0");
+  EXPECT_EQ(document["archive_format_version"], "1.1");
   EXPECT_EQ(document["tool"], name());
 }
 

@@ -163,13 +163,11 @@ void scan_arguments(Session& session, const std::vector<std::string>& arguments)
 
 void print_version(Session& session) {
   const Versions v = versions();
-  session.print(fmt::format("{} {} (format {}, zstd {}, FlatBuffers {})\n", session.tool(), v.library,
-                            v.format, v.zstd, v.flatbuffers));
-  session.result() = {{"tool", session.tool()},
-                      {"version", v.library},
-                      {"format_version", v.format},
-                      {"zstd_version", v.zstd},
-                      {"flatbuffers_version", v.flatbuffers}};
+  session.print(fmt::format("{} {} (format {}, archives {}, zstd {}, FlatBuffers {})\n", session.tool(),
+                            v.library, v.format, v.archive_format, v.zstd, v.flatbuffers));
+  session.result() = {{"tool", session.tool()},     {"version", v.library},
+                      {"format_version", v.format}, {"archive_format_version", v.archive_format},
+                      {"zstd_version", v.zstd},     {"flatbuffers_version", v.flatbuffers}};
 }
 
 int guarded(Session& session, const std::function<void()>& body) {
