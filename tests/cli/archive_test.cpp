@@ -150,6 +150,35 @@ TEST_F(ArchiveCliTest, CheckoutByNumberTagAndTime) {
   refused("2026-13-01", "--at");
 }
 
+TEST_F(ArchiveCliTest, TheTimeZeroIsNone) {
+  const char* message = "--stamp: a map cannot hold the time 0, which says that there is none";
+  for (const char* zero : {"@0", "1970-01-01T00:00:00Z"}) {
+    expect_failure(archive({"commit", "a.apgm", "one.apgm", "--stamp", zero}), 2, message,
+                   "leave --stamp out");
+  }
+  EXPECT_FALSE(exists("a.apgm"));
+}
+
+TEST_F(ArchiveCliTest, ATimeBeforeThatOfTheLastCommitIsAWarning) {
+  commit_all();
+  const char* warning =
+      "warning: the time of commit 4 (1970-01-01T00:41:40Z) is before that of commit 3 "
+      "(1970-01-01T00:50:00Z): no time given with --at finds commit 3 any more";
+  const std::vector<std::string> early{"commit", "a.apgm", "one.apgm", "--stamp", "@2500"};
+  for (const bool dry : {true, false}) {
+    std::vector<std::string> arguments = early;
+    if (dry) arguments.emplace_back("-n");
+    const Outcome outcome = archive(arguments);
+    EXPECT_EQ(outcome.code, 0);
+    EXPECT_THAT(outcome.err, HasSubstr(warning));
+  }
+  EXPECT_EQ(json({"checkout", "a.apgm", "--at", "@9999", "-n", "-o", "out.apgm"})["commit"], 4);
+  EXPECT_EQ(json({"checkout", "a.apgm", "--at", "@2499", "-n", "-o", "out.apgm"})["commit"], 2);
+  // A commit without a time is not before any, and none is before it.
+  expect_silent(archive({"commit", "a.apgm", "one.apgm"}));
+  expect_silent(archive({"commit", "a.apgm", "two.apgm", "--stamp", "@1"}));
+}
+
 TEST_F(ArchiveCliTest, WhatStandsForATimeOrANumberIsNoTag) {
   commit_all();
   const std::string before = bytes("a.apgm");
@@ -286,6 +315,7 @@ TEST_F(ArchiveCliTest, ADryRunRefusesWhatTheCommitWould) {
   refused({"--expect", "2", "a.apgm", "one.apgm"}, 7, "the last commit of 'a.apgm' is 3, not 2");
   refused({"--expect", "1", "b.apgm", "one.apgm"}, 7, "there is no archive 'b.apgm'");
   refused({"--tag", "1st", "a.apgm", "one.apgm"}, 2, "--tag: '1st' cannot be a tag");
+  refused({"-m", "\xff", "a.apgm", "one.apgm"}, 2, "--message: the text is not UTF-8");
   refused({"one.apgm", "two.apgm"}, 7, "'one.apgm' is a sealed map, not an archive");
   refused({"no/a.apgm", "one.apgm"}, 5, "directory 'no': No such file or directory");
   EXPECT_EQ(files(), before_files);

@@ -1,8 +1,10 @@
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <CLI/App.hpp>
 #include <filesystem>
 
+#include "apgm/core/text.hpp"
 #include "apgm/format/archive.hpp"
 #include "apgm/format/reader.hpp"
 #include "apgm/ops/apply.hpp"
@@ -53,6 +55,13 @@ std::uint64_t parse_commit(const std::string& option, const std::string& text, s
   return static_cast<std::uint64_t>(parse_integer(option, text, least, INT64_MAX, "commits count from 1"));
 }
 
+std::string time_text(std::int64_t stamp_ns) {
+  if (stamp_ns == 0) return "-";
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  const std::int64_t seconds = stamp_ns / kSecond - (stamp_ns % kSecond < 0 ? 1 : 0);
+  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(static_cast<std::time_t>(seconds)));
+}
+
 void check_tag(const std::string& what, const std::string& tag) {
   if (may_be_given(tag)) return;
   throw usage_error(
@@ -88,9 +97,8 @@ class CommitCommand final : public Tool {
   void add_options(CLI::App& app) override {
     add_text(app, kArchiveGroup, "-m,--message", message_, "TEXT", "what the commit is");
     add_list(app, kArchiveGroup, "--tag", commit_.tags, "NAME", "a name for the commit (repeatable)");
-    add_text(
-        app, kArchiveGroup, "--stamp", stamp_, "TIME",
-        "the time of the commit: 2026-01-31T12:00:00Z, @SECONDS since 1970, or now (default: that of MAP)");
+    add_text(app, kArchiveGroup, "--stamp", stamp_, "TIME",
+             fmt::format("the time of the commit: {} (default: that of MAP)", kTimeForms));
     add_text(app, kArchiveGroup, "--expect", expect_, "N",
              "number the last commit must have; 0: the archive must be new");
     add_text(app, kArchiveGroup, "--level", level_, "1..19",
@@ -107,7 +115,10 @@ class CommitCommand final : public Tool {
     if (map_ != "-" && same_file(archive_, map_)) throw usage_error("ARCHIVE and MAP are the same file");
     for (const std::string& tag : commit_.tags) check_tag("--tag", tag);
     commit_.message = message_.value_or("");
-    if (stamp_) stamp_ns_ = parse_time("--stamp", *stamp_);
+    if (!is_utf8(commit_.message)) {
+      throw usage_error("--message: the text is not UTF-8", "is the terminal or the script set to UTF-8?");
+    }
+    if (stamp_) stamp_ns_ = parse_stamp("--stamp", *stamp_);
     if (expect_) options_.expected = parse_commit("--expect", *expect_, 0);
     if (level_) options_.level = static_cast<int>(parse_integer("--level", *level_, 1, 19));
     options_.create = true;
@@ -145,6 +156,7 @@ class CommitCommand final : public Tool {
       if (dry_run_) step_opened(session, archive_, *writer.last());
       const ChangesSource changes = changes_from(session, *writer.last(), map);
       writer.begin(header, changes.gone(), commit_);
+      warn_of_time(session, header, *writer.last());
       const std::uint64_t last = writer.last()->file().commits;
       if (dry_run_) return report_dry_run(session, changes, last, changes.gone().size());
       put(session, changes, header, writer);
@@ -163,6 +175,17 @@ class CommitCommand final : public Tool {
     copy(source, header.types, writer, false, session.run_options(heavy_, "committing"));
     session.check_cancelled();
     writer.finish();
+  }
+
+  /// What `--at TIME` finds is then not what the user may think.
+  static void warn_of_time(Session& session, const MapHeader& header, const Reader& last) {
+    const std::int64_t before = last.header().stamp_ns;
+    if (header.stamp_ns == 0 || before == 0 || header.stamp_ns >= before) return;
+    const std::uint64_t number = last.file().commits;
+    session.warning(
+        fmt::format("the time of commit {} ({}) is before that of commit {} ({}): no time given "
+                    "with --at finds commit {} any more",
+                    number + 1, time_text(header.stamp_ns), number, time_text(before), number));
   }
 
   static void report_dry_run(Session& session, const PatchSource& source, std::uint64_t last,

@@ -175,7 +175,7 @@ void MapWriting::add(CLI::App& app) {
   add_text(app, kMapGroup, "--lossy", lossy_text_, "u16|u8",
            "keep masses in steps of 1/65535 or 1/255 (default: every bit)");
   add_text(app, kMapGroup, "--stamp", stamp_text_, "TIME",
-           "store a time: 2026-01-31T12:00:00Z, @SECONDS since 1970, or now (default: none)");
+           fmt::format("store a time: {} (default: none)", kTimeForms));
   add_switch(app, kMapGroup, "--no-provenance", no_provenance, "write no history of how the map was made");
 }
 
@@ -187,11 +187,7 @@ void MapWriting::check() {
   if (lossy_text_) {
     lossy = parse_choice("--lossy", *lossy_text_, {"u16", "u8"}) == "u8" ? Lossy::kU8 : Lossy::kU16;
   }
-  if (stamp_text_) stamp_ns = parse_time("--stamp", *stamp_text_);
-  if (stamp_ns == 0) {
-    throw usage_error("--stamp: a map cannot hold the time 0, which says that there is none",
-                      "leave --stamp out to store no time");
-  }
+  if (stamp_text_) stamp_ns = parse_stamp("--stamp", *stamp_text_);
 }
 
 std::string MapWriting::given() const {
