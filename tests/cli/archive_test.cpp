@@ -179,6 +179,19 @@ TEST_F(ArchiveCliTest, ATimeBeforeThatOfTheLastCommitIsAWarning) {
   expect_silent(archive({"commit", "a.apgm", "two.apgm", "--stamp", "@1"}));
 }
 
+TEST_F(ArchiveCliTest, OperandsThatCannotBeUsedAreNamed) {
+  commit_all();
+  expect_failure(archive({"tag", "a.apgm", ""}), 2, "NAME is an empty text");
+  expect_failure(archive({"tag", "", "x"}), 2, "ARCHIVE is an empty text");
+  expect_failure(archive({"tag", "a.apgm", "x", "-1"}), 2, "unknown option '-1'", "a number below 0");
+  put("empty.apgm", "");
+  for (const std::string command : {"commit", "tag"}) {
+    expect_failure(archive({command, "empty.apgm", "one.apgm"}), 4,
+                   "'empty.apgm' is not an archive: it is empty",
+                   "remove it: 'apgm-archive commit' makes an archive");
+  }
+}
+
 TEST_F(ArchiveCliTest, WhatStandsForATimeOrANumberIsNoTag) {
   commit_all();
   const std::string before = bytes("a.apgm");

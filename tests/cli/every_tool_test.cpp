@@ -107,6 +107,11 @@ TEST_P(EveryToolTest, UnknownOptionIsAUsageErrorWithASuggestion) {
   expect_failure(tool({"-z", "a.apgm"}), 2, "unknown option '-z'");
 }
 
+TEST_P(EveryToolTest, ANumberBelowZeroIsNoMistypedOption) {
+  expect_failure(tool({"a.apgm", "-1"}), 2, "unknown option '-1'",
+                 "a number below 0 is only taken as the value of an option");
+}
+
 TEST_P(EveryToolTest, NoArgumentsIsAUsageError) { expect_failure(tool({}), 2, "no input is given"); }
 
 TEST_P(EveryToolTest, QuietAndVerboseExcludeEachOther) {

@@ -34,6 +34,9 @@ std::vector<std::string> archive_operands(const std::vector<std::string>& inputs
     throw usage_error(fmt::format("unexpected argument '{}'", result[names.size()]),
                       fmt::format("apgm-archive {} {}", command, join(names, " ")));
   }
+  for (std::size_t i = 0; i < result.size(); ++i) {
+    if (result[i].empty()) throw usage_error(fmt::format("{} is an empty text", names[i]));
+  }
   check_inputs(result);
   if (result[0] == "-" && command != "log" && command != "checkout") {
     throw usage_error("an archive that is written to must be a file");
