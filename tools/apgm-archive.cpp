@@ -1,4 +1,3 @@
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <CLI/App.hpp>
@@ -21,13 +20,6 @@ namespace apgm::tools {
 namespace {
 
 const std::vector<std::string> kCommands{"commit", "log", "checkout", "compact", "tag"};
-
-std::string time_of(std::int64_t stamp_ns) {
-  if (stamp_ns == 0) return "-";
-  constexpr std::int64_t kSecond = 1'000'000'000;
-  const std::int64_t seconds = stamp_ns / kSecond - (stamp_ns % kSecond < 0 ? 1 : 0);
-  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(static_cast<std::time_t>(seconds)));
-}
 
 bool is_number(const std::string& text) {
   return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
@@ -66,7 +58,7 @@ class LogCommand final : public Tool {
                       {"tags", c.tags}});
     }
     for (auto c = commits.rbegin(); c != commits.rend(); ++c) {
-      table.add({std::to_string(c->number), time_of(c->stamp_ns), c->content_id.substr(0, 12),
+      table.add({std::to_string(c->number), time_text(c->stamp_ns), c->content_id.substr(0, 12),
                  count_text(c->patches), count_text(c->layers), size_text(c->added_bytes), join(c->tags),
                  first_line(c->message)});
     }
@@ -106,7 +98,9 @@ class CheckoutCommand final : public Tool {
 
   void add_options(CLI::App& app) override {
     add_text(app, kArchiveGroup, "--at", at_, "N|TAG|TIME",
-             "a number, a tag, or a time: the last commit that is not later (default: the last)");
+             fmt::format("a number, a tag, or a time: the last commit, by number, whose time is not later "
+                         "(default: the last). A time is {}",
+                         kTimeForms));
     add_switch(app, kArchiveGroup, "--salvage", salvage_,
                "leave out layers that are damaged, instead of failing");
     output_.add(app);

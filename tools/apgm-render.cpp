@@ -125,9 +125,9 @@ class RenderTool final : public Tool {
       const auto hint = budget_hint(error);
       if (!hint) throw;
       const std::uint64_t least = kCopies * hint->least_mebibytes;
-      throw over_budget(fmt::format("drawing takes up to {} MiB of memory, --max-memory allows {}", least,
-                                    size_text(heavy_.max_memory_bytes)),
-                        least << 20, "choose a larger --scale or a smaller --bbox");
+      throw over_budget(
+          fmt::format("a picture is drawn in memory: that takes {} MiB, more than is allowed", least),
+          least << 20, "choose a larger --scale or a smaller --bbox");
     }
   }
 

@@ -1,7 +1,9 @@
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <cstring>
 #include <memory>
+#include <optional>
 
 #include "cli_test.hpp"
 
@@ -25,6 +27,22 @@ class ArchiveCliTest : public CliTest {
     const Outcome outcome = archive(arguments);
     EXPECT_EQ(outcome.code, 0) << outcome.err;
     return Json::parse(outcome.out, nullptr, false);
+  }
+  /// Run without the rights of root, in a directory that may be read and not be written; none if that cannot
+  /// be.
+  std::optional<Outcome> as_nobody(const std::string& verb, const std::vector<std::string>& arguments) const {
+    std::filesystem::permissions(directory_.path(), std::filesystem::perms(0555));
+    std::vector<std::string> line = command(verb, arguments);
+    if (::geteuid() == 0) {
+      if (::access("/usr/bin/setpriv", X_OK) != 0) return {};
+      line.insert(line.begin(), {"/usr/bin/setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"});
+    }
+    Launch launch;
+    launch.directory = directory_.path();
+    const Outcome outcome = run(line, launch);
+    std::filesystem::permissions(directory_.path(), std::filesystem::perms(0755));
+    if (outcome.code == 127 || outcome.code == 126) return {};  // the tools lie where others may not go
+    return outcome;
   }
   void commit_all() const {
     expect_silent(archive({"commit", "a.apgm", "one.apgm", "-m", "first", "--stamp", "@1000"}));
@@ -132,6 +150,48 @@ TEST_F(ArchiveCliTest, CheckoutByNumberTagAndTime) {
   refused("2026-13-01", "--at");
 }
 
+TEST_F(ArchiveCliTest, TheTimeZeroIsNone) {
+  const char* message = "--stamp: a map cannot hold the time 0, which says that there is none";
+  for (const char* zero : {"@0", "1970-01-01T00:00:00Z"}) {
+    expect_failure(archive({"commit", "a.apgm", "one.apgm", "--stamp", zero}), 2, message,
+                   "leave --stamp out");
+  }
+  EXPECT_FALSE(exists("a.apgm"));
+}
+
+TEST_F(ArchiveCliTest, ATimeBeforeThatOfTheLastCommitIsAWarning) {
+  commit_all();
+  const char* warning =
+      "warning: the time of commit 4 (1970-01-01T00:41:40Z) is before that of commit 3 "
+      "(1970-01-01T00:50:00Z): no time given with --at finds commit 3 any more";
+  const std::vector<std::string> early{"commit", "a.apgm", "one.apgm", "--stamp", "@2500"};
+  for (const bool dry : {true, false}) {
+    std::vector<std::string> arguments = early;
+    if (dry) arguments.emplace_back("-n");
+    const Outcome outcome = archive(arguments);
+    EXPECT_EQ(outcome.code, 0);
+    EXPECT_THAT(outcome.err, HasSubstr(warning));
+  }
+  EXPECT_EQ(json({"checkout", "a.apgm", "--at", "@9999", "-n", "-o", "out.apgm"})["commit"], 4);
+  EXPECT_EQ(json({"checkout", "a.apgm", "--at", "@2499", "-n", "-o", "out.apgm"})["commit"], 2);
+  // A commit without a time is not before any, and none is before it.
+  expect_silent(archive({"commit", "a.apgm", "one.apgm"}));
+  expect_silent(archive({"commit", "a.apgm", "two.apgm", "--stamp", "@1"}));
+}
+
+TEST_F(ArchiveCliTest, OperandsThatCannotBeUsedAreNamed) {
+  commit_all();
+  expect_failure(archive({"tag", "a.apgm", ""}), 2, "NAME is an empty text");
+  expect_failure(archive({"tag", "", "x"}), 2, "ARCHIVE is an empty text");
+  expect_failure(archive({"tag", "a.apgm", "x", "-1"}), 2, "unknown option '-1'", "a number below 0");
+  put("empty.apgm", "");
+  for (const std::string command : {"commit", "tag"}) {
+    expect_failure(archive({command, "empty.apgm", "one.apgm"}), 4,
+                   "'empty.apgm' is not an archive: it is empty",
+                   "remove it: 'apgm-archive commit' makes an archive");
+  }
+}
+
 TEST_F(ArchiveCliTest, WhatStandsForATimeOrANumberIsNoTag) {
   commit_all();
   const std::string before = bytes("a.apgm");
@@ -191,6 +251,11 @@ TEST_F(ArchiveCliTest, OnlyRegularFilesAreArchives) {
     expect_failure(archive({"tag", file, "x"}), 5, "'" + file + "' is not a regular file");
     expect_failure(archive({"compact", file}), 5, "'" + file + "' is not a regular file");
   }
+  commit_all();
+  for (const std::string file : {"/dev/null", "/dev/full", "pipe"}) {
+    expect_failure(archive({"compact", "a.apgm", "-o", file, "-O"}), 5,
+                   "'" + file + "' is not a regular file", "an archive is a file on a disk");
+  }
 }
 
 TEST_F(ArchiveCliTest, CompactWithinABudget) {
@@ -238,6 +303,64 @@ TEST_F(ArchiveCliTest, ExpectStopsTheSecondOfTwo) {
   expect_failure(archive({"commit", "--expect", "1", "new.apgm", "three.apgm"}), 7,
                  "there is no archive 'new.apgm', its last commit was to be 1", "expect 0, or nothing");
   EXPECT_FALSE(exists("new.apgm"));
+}
+
+TEST_F(ArchiveCliTest, MoreCommitsExpectedThanThereAreSomeAreMissing) {
+  expect_silent(archive({"commit", "a.apgm", "one.apgm"}));
+  expect_failure(archive({"commit", "--expect", "0", "a.apgm", "two.apgm"}), 7,
+                 "the last commit of 'a.apgm' is 1, not 0", "somebody committed in between");
+  expect_failure(archive({"commit", "--expect", "2", "a.apgm", "two.apgm"}), 7,
+                 "the last commit of 'a.apgm' is 1, not 2",
+                 "commits are missing at its end: they were torn off, or this is another file; "
+                 "'apgm-verify a.apgm' tells more, 'apgm-verify --recover' saves");
+}
+
+TEST_F(ArchiveCliTest, ADryRunRefusesWhatTheCommitWould) {
+  commit_all();
+  const std::set<std::string> before_files = files();
+  const std::string before = bytes("a.apgm");
+  const auto refused = [&](std::vector<std::string> arguments, int code, const std::string& message) {
+    arguments.insert(arguments.begin(), "commit");
+    expect_failure(archive(arguments), code, message);
+    arguments.insert(arguments.begin() + 1, "-n");
+    expect_failure(archive(arguments), code, message);
+  };
+  refused({"--expect", "2", "a.apgm", "one.apgm"}, 7, "the last commit of 'a.apgm' is 3, not 2");
+  refused({"--expect", "1", "b.apgm", "one.apgm"}, 7, "there is no archive 'b.apgm'");
+  refused({"--tag", "1st", "a.apgm", "one.apgm"}, 2, "--tag: '1st' cannot be a tag");
+  refused({"-m", "\xff", "a.apgm", "one.apgm"}, 2, "--message: the text is not UTF-8");
+  refused({"one.apgm", "two.apgm"}, 7, "'one.apgm' is a sealed map, not an archive");
+  refused({"no/a.apgm", "one.apgm"}, 5, "directory 'no': No such file or directory");
+  EXPECT_EQ(files(), before_files);
+  EXPECT_EQ(bytes("a.apgm"), before);
+  expect_silent(archive({"commit", "-n", "--expect", "3", "a.apgm", "one.apgm"}));
+  expect_silent(archive({"commit", "-n", "--expect", "0", "b.apgm", "one.apgm"}));
+  EXPECT_EQ(files(), before_files);
+  EXPECT_EQ(bytes("a.apgm"), before);
+}
+
+TEST_F(ArchiveCliTest, WhatMayNotBeWrittenIsToldByADryRunToo) {
+  commit_all();
+  std::filesystem::permissions(path("a.apgm"), std::filesystem::perms(0444));
+  for (const bool dry : {true, false}) {
+    std::vector<std::string> arguments{"commit", "a.apgm", "one.apgm"};
+    if (dry) arguments.insert(arguments.begin() + 1, "-n");
+    const std::optional<Outcome> outcome = as_nobody("archive", arguments);
+    if (!outcome) GTEST_SKIP() << "root may write anywhere, and none other may be there";
+    expect_failure(*outcome, 5, "cannot open 'a.apgm': Permission denied");
+  }
+}
+
+TEST_F(ArchiveCliTest, CompactNeedsTheDirectory) {
+  commit_all();
+  const std::string before = bytes("a.apgm");
+  std::filesystem::permissions(path("a.apgm"), std::filesystem::perms(0666));
+  const std::optional<Outcome> outcome = as_nobody("archive", {"compact", "a.apgm"});
+  if (!outcome) GTEST_SKIP() << "root may write anywhere, and none other may be there";
+  expect_failure(*outcome, 5,
+                 "cannot make a temporary file beside 'a.apgm', in directory '.': Permission denied",
+                 "you must be allowed to write to the directory");
+  EXPECT_EQ(bytes("a.apgm"), before);
 }
 
 TEST_F(ArchiveCliTest, WhoLosesARaceForANewArchiveIsToldToTryAgain) {

@@ -89,11 +89,13 @@ TEST_P(EveryToolTest, HelpComesBeforeAnyComplaint) {
 TEST_P(EveryToolTest, VersionNamesFormatAndLibraries) {
   const Outcome outcome = tool({"-V"});
   EXPECT_EQ(outcome.code, 0);
-  EXPECT_THAT(outcome.out,
-              testing::MatchesRegex(name() + " [0-9.]+ \\(format 1\\.0, zstd 1[0-9.]+, FlatBuffers "
-                                             "2[0-9.]+\\)\n"));
+  EXPECT_THAT(
+      outcome.out,
+      testing::MatchesRegex(name() + " [0-9.]+ \\(format 1\\.0, archives 1\\.1, zstd 1[0-9.]+, FlatBuffers "
+                                     "2[0-9.]+\\)\n"));
   const Json document = Json::parse(tool({"--version", "--json"}).out);
   EXPECT_EQ(document["format_version"], "1.0");
+  EXPECT_EQ(document["archive_format_version"], "1.1");
   EXPECT_EQ(document["tool"], name());
 }
 
@@ -103,6 +105,11 @@ TEST_P(EveryToolTest, UnknownOptionIsAUsageErrorWithASuggestion) {
   expect_failure(tool({"--zzzzzzzzzz", "a.apgm"}), 2, "unknown option '--zzzzzzzzzz'",
                  "--help lists the options");
   expect_failure(tool({"-z", "a.apgm"}), 2, "unknown option '-z'");
+}
+
+TEST_P(EveryToolTest, ANumberBelowZeroIsNoMistypedOption) {
+  expect_failure(tool({"a.apgm", "-1"}), 2, "unknown option '-1'",
+                 "a number below 0 is only taken as the value of an option");
 }
 
 TEST_P(EveryToolTest, NoArgumentsIsAUsageError) { expect_failure(tool({}), 2, "no input is given"); }
@@ -207,7 +214,8 @@ TEST_P(EveryReaderTest, DirectoryAsInput) { expect_refused(".", 4, "'.'"); }
 
 TEST_P(EveryReaderTest, EmptyFile) {
   put("empty.apgm", "");
-  expect_refused("empty.apgm", 4, "'empty.apgm' is not an apgm file: it is empty");
+  expect_refused("empty.apgm", 4, "'empty.apgm' is not an apgm file: it is empty",
+                 "nothing was written to it, or all of it was lost");
 }
 
 TEST_P(EveryReaderTest, ForeignFileIsNamed) {

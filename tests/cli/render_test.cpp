@@ -15,7 +15,7 @@ TEST_F(RenderCliTest, MemoryThatIsNamedIsEnough) {
   write("a.apgm", plain_map(40, 40));
   for (const char* little : {"3B", "64KiB", "2MiB"}) {
     const Outcome outcome = render({"-O", "--scale", "0.4", "--max-memory", little});
-    expect_failure(outcome, 6, "MiB of memory, --max-memory allows ", "pass --max-memory with at least ");
+    expect_failure(outcome, 6, "MiB, more than is allowed", "pass --max-memory with at least ");
     const std::string hint = "pass --max-memory with at least ";
     const std::size_t at = outcome.err.find(hint);
     ASSERT_NE(at, std::string::npos);

@@ -335,8 +335,54 @@ TEST_F(ArchiveTest, ExpectedNumberIsChecked) {
   open(0);
   random_archive(file, 12, 2);
   open(2);
-  EXPECT_EQ(code_of([&] { open(1); }), ErrorCode::kIncompatible);
+  const Error earlier = error_of([&] { open(1); });
+  EXPECT_EQ(earlier.code(), ErrorCode::kIncompatible);
+  EXPECT_THAT(earlier.hint(), testing::HasSubstr("somebody committed in between"));
   EXPECT_EQ(code_of([&] { open(0); }), ErrorCode::kIncompatible);
+  const Error later = error_of([&] { open(3); });
+  EXPECT_EQ(later.code(), ErrorCode::kIncompatible);
+  EXPECT_THAT(later.hint(), testing::HasSubstr("commits are missing at its end"));
+  EXPECT_THAT(later.hint(), testing::HasSubstr("'apgm-verify " + file + "'"));
+}
+
+TEST_F(ArchiveTest, ADryRunCountsWhatTheCommitThenDoes) {
+  const std::string file = path("a.apgm");
+  Map base(sample_map(3).header());
+  for (std::uint64_t seed = 3; seed < 6; ++seed) {
+    const Map next = sample_map(seed);
+    const auto before = bytes_at(file);
+    CommitReport reports[2];
+    for (const bool dry : {true, false}) {
+      ArchiveWriter writer(file, {.create = true, .dry_run = dry});
+      writer.begin(next.header(), gone_from(base, next), {.message = "m", .tags = {"t"}});
+      put_changes(base, next, writer);
+      writer.finish();
+      reports[dry ? 0 : 1] = writer.report();
+      EXPECT_EQ(bytes_at(file) == before, dry);
+    }
+    EXPECT_EQ(reports[0].number, seed - 2);
+    EXPECT_EQ(reports[0].content_id, reports[1].content_id);
+    EXPECT_EQ(reports[0].file_bytes, reports[1].file_bytes);
+    EXPECT_EQ(reports[0].added_bytes, reports[1].added_bytes);
+    EXPECT_EQ(reports[0].layers_written, reports[1].layers_written);
+    base = next;
+  }
+}
+
+TEST_F(ArchiveTest, ADryRunLeavesATornEndAndIsInNobodysWay) {
+  const std::string file = path("a.apgm");
+  const std::vector<Map> maps = random_archive(file, 17, 2);
+  std::ofstream(file, std::ios::binary | std::ios::app) << std::string(1000, 'x');
+  const auto before = bytes_at(file);
+  {
+    const ArchiveWriter other(file);
+    ArchiveWriter writer(file, {.dry_run = true});
+    EXPECT_EQ(writer.torn().bytes, 1000u);
+    writer.begin(maps.back().header());
+    writer.finish();
+    EXPECT_EQ(writer.report().number, 3u);
+  }
+  EXPECT_EQ(bytes_at(file), before);
 }
 
 TEST_F(ArchiveTest, RefusesWhatIsNoArchive) {

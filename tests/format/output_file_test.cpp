@@ -1,8 +1,14 @@
 #include "apgm/format/output_file.hpp"
 
 #include <gmock/gmock.h>
+#include <grp.h>
+#include <sys/prctl.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
+
+#include <cstdio>
+#include <utility>
 
 #include "apgm/core/error.hpp"
 #include "temp_dir.hpp"
@@ -13,6 +19,37 @@ namespace {
 using test::read_file;
 using test::TempDir;
 using test::write_file;
+
+constexpr uid_t kNobody = 65534;
+
+struct stat status_of(const std::string& path) {
+  struct stat st {};
+  EXPECT_EQ(::stat(path.c_str(), &st), 0) << path;
+  return st;
+}
+
+/// Does work in a process without the rights of root.
+void as_nobody(const std::function<void()>& work) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    EXPECT_EQ(::setgroups(0, nullptr), 0);
+    EXPECT_EQ(::setgid(kNobody), 0);
+    EXPECT_EQ(::setuid(kNobody), 0);
+    ::prctl(PR_SET_DUMPABLE, 1);  // as a program that was started so: /proc/self is its own
+    work();
+    std::fflush(stdout);
+    ::_exit(testing::Test::HasFailure() ? 1 : 0);
+  }
+  int status = -1;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0);
+}
+
+void replace(const std::string& path) {
+  OutputFile file(path, {.overwrite = true});
+  file.write("new");
+  file.commit();
+}
 
 ErrorCode code_of(const std::function<void()>& work) {
   try {
@@ -58,6 +95,51 @@ TEST(OutputFileTest, ReplacesOnlyWhenAskedAndKeepsTheMode) {
   ::stat((dir / "a").c_str(), &st);
   EXPECT_EQ(st.st_mode & 0777, 0640u);
   EXPECT_THAT(dir.list(), testing::ElementsAre("a"));
+}
+
+TEST(OutputFileTest, AReplacedFileKeepsOwnerAndGroup) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root gives files away";
+  TempDir dir;
+  write_file(dir / "a", "old");
+  ASSERT_EQ(::chown((dir / "a").c_str(), kNobody, 12), 0);
+  ASSERT_EQ(::chmod((dir / "a").c_str(), 06750), 0);
+  replace(dir / "a");
+  const struct stat st = status_of(dir / "a");
+  EXPECT_EQ(std::pair(st.st_uid, st.st_gid), std::pair(kNobody, gid_t{12}));
+  EXPECT_EQ(st.st_mode & 07777, 06750u);
+  EXPECT_EQ(read_file(dir / "a"), "new");
+}
+
+TEST(OutputFileTest, WhoMayNotGiveAFileAwayGetsNoRightsOfItsOwner) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root makes files of others";
+  TempDir dir;
+  ASSERT_EQ(::chmod(dir.path().c_str(), 0777), 0);
+  write_file(dir / "a", "old");
+  ASSERT_EQ(::chmod((dir / "a").c_str(), 06777), 0);
+  as_nobody([&] { replace(dir / "a"); });
+  const struct stat st = status_of(dir / "a");
+  EXPECT_EQ(std::pair(st.st_uid, st.st_gid), std::pair(kNobody, gid_t{kNobody}));
+  EXPECT_EQ(st.st_mode & 07777, 0777u);
+}
+
+TEST(OutputFileTest, ADirectoryThatMayNotBeWrittenIsNamed) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root becomes another";
+  TempDir dir;
+  ASSERT_EQ(::chmod(dir.path().c_str(), 0755), 0);
+  write_file(dir / "a", "old");
+  ASSERT_EQ(::chmod((dir / "a").c_str(), 0666), 0);
+  as_nobody([&] {
+    try {
+      replace(dir / "a");
+      ADD_FAILURE() << "no error";
+    } catch (const Error& e) {
+      EXPECT_EQ(e.code(), ErrorCode::kOutput);
+      EXPECT_EQ(e.message(), "cannot make a temporary file beside '" + dir / "a" + "', in directory '" +
+                                 std::string(dir.path()) + "': Permission denied");
+      EXPECT_THAT(e.hint(), testing::HasSubstr("you must be allowed to write to the directory"));
+    }
+  });
+  EXPECT_EQ(read_file(dir / "a"), "old");
 }
 
 TEST(OutputFileTest, DoesNotReplaceAFileThatAppearedMeanwhile) {

@@ -47,6 +47,12 @@ std::vector<std::string> option_names(const CLI::App& app) {
 
 bool looks_like_option(const std::string& text) { return text.size() > 1 && text[0] == '-'; }
 
+bool looks_negative(const std::string& text) {
+  return text.size() > 1 && text[0] == '-' &&
+         text.find_first_not_of("0123456789.,eE-", 1) == std::string::npos &&
+         text.find_first_of("0123456789") <= 2;
+}
+
 /// The text of CLI11's complaints, in our words.
 Error usage_error_from(const CLI::ParseError& error, const std::vector<std::string>& arguments) {
   const std::string text = error.what();
@@ -100,8 +106,11 @@ std::vector<std::string> inputs_of(const CLI::App& app) {
       options_ended = true;
     } else if (!options_ended && looks_like_option(argument)) {
       const std::string name = argument.substr(0, argument.find('='));
+      const char* negative = "a number below 0 is only taken as the value of an option";
       throw usage_error(fmt::format("unknown option '{}'", name),
-                        did_you_mean(name, option_names(app), "--help lists the options"));
+                        looks_negative(name)
+                            ? negative
+                            : did_you_mean(name, option_names(app), "--help lists the options"));
     } else {
       inputs.push_back(argument);
     }
@@ -163,13 +172,11 @@ void scan_arguments(Session& session, const std::vector<std::string>& arguments)
 
 void print_version(Session& session) {
   const Versions v = versions();
-  session.print(fmt::format("{} {} (format {}, zstd {}, FlatBuffers {})\n", session.tool(), v.library,
-                            v.format, v.zstd, v.flatbuffers));
-  session.result() = {{"tool", session.tool()},
-                      {"version", v.library},
-                      {"format_version", v.format},
-                      {"zstd_version", v.zstd},
-                      {"flatbuffers_version", v.flatbuffers}};
+  session.print(fmt::format("{} {} (format {}, archives {}, zstd {}, FlatBuffers {})\n", session.tool(),
+                            v.library, v.format, v.archive_format, v.zstd, v.flatbuffers));
+  session.result() = {{"tool", session.tool()},     {"version", v.library},
+                      {"format_version", v.format}, {"archive_format_version", v.archive_format},
+                      {"zstd_version", v.zstd},     {"flatbuffers_version", v.flatbuffers}};
 }
 
 int guarded(Session& session, const std::function<void()>& body) {

@@ -1,8 +1,10 @@
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <CLI/App.hpp>
 #include <filesystem>
 
+#include "apgm/core/text.hpp"
 #include "apgm/format/archive.hpp"
 #include "apgm/format/reader.hpp"
 #include "apgm/ops/apply.hpp"
@@ -32,6 +34,9 @@ std::vector<std::string> archive_operands(const std::vector<std::string>& inputs
     throw usage_error(fmt::format("unexpected argument '{}'", result[names.size()]),
                       fmt::format("apgm-archive {} {}", command, join(names, " ")));
   }
+  for (std::size_t i = 0; i < result.size(); ++i) {
+    if (result[i].empty()) throw usage_error(fmt::format("{} is an empty text", names[i]));
+  }
   check_inputs(result);
   if (result[0] == "-" && command != "log" && command != "checkout") {
     throw usage_error("an archive that is written to must be a file");
@@ -51,6 +56,13 @@ void warn_of_cut(Session& session, const std::string& archive, const TornEnd& to
 
 std::uint64_t parse_commit(const std::string& option, const std::string& text, std::int64_t least) {
   return static_cast<std::uint64_t>(parse_integer(option, text, least, INT64_MAX, "commits count from 1"));
+}
+
+std::string time_text(std::int64_t stamp_ns) {
+  if (stamp_ns == 0) return "-";
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  const std::int64_t seconds = stamp_ns / kSecond - (stamp_ns % kSecond < 0 ? 1 : 0);
+  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(static_cast<std::time_t>(seconds)));
 }
 
 void check_tag(const std::string& what, const std::string& tag) {
@@ -88,14 +100,14 @@ class CommitCommand final : public Tool {
   void add_options(CLI::App& app) override {
     add_text(app, kArchiveGroup, "-m,--message", message_, "TEXT", "what the commit is");
     add_list(app, kArchiveGroup, "--tag", commit_.tags, "NAME", "a name for the commit (repeatable)");
-    add_text(
-        app, kArchiveGroup, "--stamp", stamp_, "TIME",
-        "the time of the commit: 2026-01-31T12:00:00Z, @SECONDS since 1970, or now (default: that of MAP)");
+    add_text(app, kArchiveGroup, "--stamp", stamp_, "TIME",
+             fmt::format("the time of the commit: {} (default: that of MAP)", kTimeForms));
     add_text(app, kArchiveGroup, "--expect", expect_, "N",
              "number the last commit must have; 0: the archive must be new");
     add_text(app, kArchiveGroup, "--level", level_, "1..19",
              "effort of the compression of layers that are not stored yet (default 3)");
-    add_switch(app, kArchiveGroup, "-n,--dry-run", dry_run_, "say what would be stored, write nothing");
+    add_switch(app, kArchiveGroup, "-n,--dry-run", dry_run_,
+               "check all that a commit checks, say what would be stored, write nothing");
     heavy_.add(app);
   }
 
@@ -106,10 +118,14 @@ class CommitCommand final : public Tool {
     if (map_ != "-" && same_file(archive_, map_)) throw usage_error("ARCHIVE and MAP are the same file");
     for (const std::string& tag : commit_.tags) check_tag("--tag", tag);
     commit_.message = message_.value_or("");
-    if (stamp_) stamp_ns_ = parse_time("--stamp", *stamp_);
+    if (!is_utf8(commit_.message)) {
+      throw usage_error("--message: the text is not UTF-8", "is the terminal or the script set to UTF-8?");
+    }
+    if (stamp_) stamp_ns_ = parse_stamp("--stamp", *stamp_);
     if (expect_) options_.expected = parse_commit("--expect", *expect_, 0);
     if (level_) options_.level = static_cast<int>(parse_integer("--level", *level_, 1, 19));
     options_.create = true;
+    options_.dry_run = dry_run_;
     heavy_.check();
     std::error_code error;
     const auto status = std::filesystem::status(archive_, error);
@@ -134,18 +150,21 @@ class CommitCommand final : public Tool {
     session.result()["archive"] = archive_;
     session.result()["input"] = {{"path", map_}, {"content_id", map.content_id()}};
     session.result()["dry_run"] = dry_run_;
-    if (dry_run_) return dry_run(session, map);
     ArchiveWriter writer(archive_, options_);
-    const TornEnd torn = writer.torn();
     if (writer.last() == nullptr) {
       writer.begin(header, {}, commit_);
+      if (dry_run_) return report_dry_run(session, map, 0, 0);
       put(session, map, header, writer);
     } else {
+      if (dry_run_) step_opened(session, archive_, *writer.last());
       const ChangesSource changes = changes_from(session, *writer.last(), map);
       writer.begin(header, changes.gone(), commit_);
+      warn_of_time(session, header, *writer.last());
+      const std::uint64_t last = writer.last()->file().commits;
+      if (dry_run_) return report_dry_run(session, changes, last, changes.gone().size());
       put(session, changes, header, writer);
     }
-    warn_of_cut(session, archive_, torn);
+    warn_of_cut(session, archive_, writer.torn());
     report(session, writer.report());
   }
 
@@ -161,24 +180,21 @@ class CommitCommand final : public Tool {
     writer.finish();
   }
 
-  void dry_run(Session& session, const Reader& map) {
-    std::error_code error;
-    std::uint64_t last = 0, layers = 0, gone = 0;
-    const auto count = [](const PatchSource& source) {
-      std::uint64_t n = 0;
-      for (const Summary::OfType& type : source.summary().types) n += type.layers;
-      return n;
-    };
-    if (std::filesystem::exists(archive_, error)) {
-      const Reader archive(archive_);
-      step_opened(session, archive_, archive);
-      last = archive.file().commits;
-      const ChangesSource changes = changes_from(session, archive, map);
-      layers = count(changes);
-      gone = changes.gone().size();
-    } else {
-      layers = count(map);
-    }
+  /// What `--at TIME` finds is then not what the user may think.
+  static void warn_of_time(Session& session, const MapHeader& header, const Reader& last) {
+    const std::int64_t before = last.header().stamp_ns;
+    if (header.stamp_ns == 0 || before == 0 || header.stamp_ns >= before) return;
+    const std::uint64_t number = last.file().commits;
+    session.warning(
+        fmt::format("the time of commit {} ({}) is before that of commit {} ({}): no time given "
+                    "with --at finds commit {} any more",
+                    number + 1, time_text(header.stamp_ns), number, time_text(before), number));
+  }
+
+  static void report_dry_run(Session& session, const PatchSource& source, std::uint64_t last,
+                             std::uint64_t gone) {
+    std::uint64_t layers = 0;
+    for (const Summary::OfType& type : source.summary().types) layers += type.layers;
     session.result()["commit"] = last + 1;
     session.result()["layers_written"] = layers;
     session.result()["layers_gone"] = gone;

@@ -27,6 +27,8 @@ std::vector<std::string> archive_operands(const std::vector<std::string>& inputs
 void warn_of_cut(Session& session, const std::string& archive, const TornEnd& torn);
 /// The number of a commit, at least `least`.
 std::uint64_t parse_commit(const std::string& option, const std::string& text, std::int64_t least);
+/// The time of a commit in UTC, "-" if it has none.
+std::string time_text(std::int64_t stamp_ns);
 /// @throws Error{kInvalidArgument} if the text cannot be a tag
 void check_tag(const std::string& what, const std::string& tag);
 

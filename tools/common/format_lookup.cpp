@@ -42,13 +42,17 @@ const Converter* yaml_by_name(const std::string& path, const std::string& head) 
 
 [[noreturn]] void fail_unknown(const std::string& path, const std::string& head) {
   const bool png = head.starts_with("\x89PNG"), pgm = head.starts_with("P2") || head.starts_with("P5");
+  if (head.empty()) {
+    throw Error(ErrorCode::kForeign, fmt::format("'{}' is empty", path))
+        .hint("nothing was written to it, or all of it was lost")
+        .at(path);
+  }
   std::string hint = "apgm-convert reads: " + join(format_names(true));
   if (png || pgm) hint += "; a picture is read by the YAML of its map";
   Error error(ErrorCode::kForeign, fmt::format("'{}' is of no format apgm-convert reads{}", path,
-                                               head.empty() ? ": it is empty"
-                                               : png        ? ": it is a PNG image"
-                                               : pgm        ? ": it is a PGM image"
-                                                            : ""));
+                                               png   ? ": it is a PNG image"
+                                               : pgm ? ": it is a PGM image"
+                                                     : ""));
   throw error.hint(hint).at(path);
 }
 

@@ -91,7 +91,8 @@ void OutputChoice::check(Session& session, const std::vector<std::string>& input
 void check_output_path(const std::string& path, bool overwrite, const std::vector<std::string>& inputs) {
   check_not_an_input(path, inputs);
   struct stat file {};
-  if (::stat(path.c_str(), &file) == 0) {
+  const bool there = ::stat(path.c_str(), &file) == 0;
+  if (there) {
     if (S_ISDIR(file.st_mode)) {
       throw output_error(path, fmt::format("output '{}' is a directory", path), "name a file in it");
     }
@@ -118,9 +119,12 @@ void check_output_path(const std::string& path, bool overwrite, const std::vecto
                        "name an output in another directory");
   }
   if (::access(directory.c_str(), W_OK) != 0) {
-    throw output_error(
-        path, fmt::format("cannot create '{}': directory '{}': {}", path, directory, std::strerror(errno)),
-        "name an output in a directory you may write to");
+    throw output_error(path,
+                       fmt::format("cannot {} '{}': directory '{}': {}", there ? "replace" : "create", path,
+                                   directory, std::strerror(errno)),
+                       there ? "the new file is written beside the old one first: name an output in a "
+                               "directory you may write to"
+                             : "name an output in a directory you may write to");
   }
 }
 
@@ -171,7 +175,7 @@ void MapWriting::add(CLI::App& app) {
   add_text(app, kMapGroup, "--lossy", lossy_text_, "u16|u8",
            "keep masses in steps of 1/65535 or 1/255 (default: every bit)");
   add_text(app, kMapGroup, "--stamp", stamp_text_, "TIME",
-           "store a time: 2026-01-31T12:00:00Z, @SECONDS since 1970, or now (default: none)");
+           fmt::format("store a time: {} (default: none)", kTimeForms));
   add_switch(app, kMapGroup, "--no-provenance", no_provenance, "write no history of how the map was made");
 }
 
@@ -183,11 +187,7 @@ void MapWriting::check() {
   if (lossy_text_) {
     lossy = parse_choice("--lossy", *lossy_text_, {"u16", "u8"}) == "u8" ? Lossy::kU8 : Lossy::kU16;
   }
-  if (stamp_text_) stamp_ns = parse_time("--stamp", *stamp_text_);
-  if (stamp_ns == 0) {
-    throw usage_error("--stamp: a map cannot hold the time 0, which says that there is none",
-                      "leave --stamp out to store no time");
-  }
+  if (stamp_text_) stamp_ns = parse_stamp("--stamp", *stamp_text_);
 }
 
 std::string MapWriting::given() const {

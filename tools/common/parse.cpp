@@ -180,6 +180,13 @@ std::int64_t parse_time(const std::string& option, std::string_view text) {
   return seconds * kNanosecondsPerSecond;
 }
 
+std::int64_t parse_stamp(const std::string& option, std::string_view text) {
+  const std::int64_t stamp_ns = parse_time(option, text);
+  if (stamp_ns != 0) return stamp_ns;
+  throw usage_error(option + ": a map cannot hold the time 0, which says that there is none",
+                    fmt::format("leave {} out to store no time", option));
+}
+
 std::string parse_choice(const std::string& option, const std::string& text,
                          const std::vector<std::string>& choices) {
   for (const std::string& choice : choices) {

@@ -30,6 +30,11 @@ std::uint64_t parse_size(const std::string& option, std::string_view text);
 Box parse_box(const std::string& option, std::string_view text);
 /// Nanoseconds since 1970: "now", "@SECONDS", "2026-01-31T12:00:00Z"
 std::int64_t parse_time(const std::string& option, std::string_view text);
+/// A time to store: not 0, which stands for none.
+std::int64_t parse_stamp(const std::string& option, std::string_view text);
+/// The forms of a time, for help texts.
+inline constexpr const char* kTimeForms =
+    "2026-01-31T12:00:00Z (UTC, whole seconds), @SECONDS since 1970, or now";
 /// One of `choices`.
 std::string parse_choice(const std::string& option, const std::string& text,
                          const std::vector<std::string>& choices);

@@ -32,7 +32,29 @@ constexpr const char* kState = "the archive is as it was, or at worst holds the 
   throw e;
 }
 
+/// @param st  what it is
+int open_regular(const std::string& path, struct stat& st) {
+  const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK);
+  if (fd < 0) fail(path, "open", errno);
+  const int error = ::fstat(fd, &st) != 0 ? errno : 0;
+  if (error == 0 && S_ISREG(st.st_mode)) return fd;
+  ::close(fd);
+  if (error != 0) fail(path, "open", error);
+  throw no_regular_file(path);
+}
+
 }  // namespace
+
+Error no_regular_file(const std::string& path) {
+  return Error(ErrorCode::kOutput, "'" + path + "' is not a regular file")
+      .hint("an archive is a file on a disk")
+      .at(path);
+}
+
+void check_may_write(const std::string& path) {
+  struct stat st {};
+  ::close(open_regular(path, st));
+}
 
 Error another_writes(const std::string& path) {
   return Error(ErrorCode::kOutput, "another process writes to '" + path + "'")
@@ -49,18 +71,10 @@ LockedFile::LockedFile(const std::string& path) : path_(path) {
 
 /// False if the path names another file by now: compacting an archive replaces it.
 bool LockedFile::lock() {
-  fd_ = ::open(path_.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK);
-  if (fd_ < 0) fail(path_, "open", errno);
   struct stat mine {
   }, named{};
-  int error = ::fstat(fd_, &mine) != 0 ? errno : 0;
-  if (error == 0 && !S_ISREG(mine.st_mode)) {
-    ::close(std::exchange(fd_, -1));
-    throw Error(ErrorCode::kOutput, "'" + path_ + "' is not a regular file")
-        .hint("an archive is a file on a disk")
-        .at(path_);
-  }
-  if (error == 0 && ::flock(fd_, LOCK_EX | LOCK_NB) != 0) error = errno;
+  fd_ = open_regular(path_, mine);
+  int error = ::flock(fd_, LOCK_EX | LOCK_NB) != 0 ? errno : 0;
   if (error == 0 && ::fstat(fd_, &mine) != 0) error = errno;
   const bool same = error == 0 && ::stat(path_.c_str(), &named) == 0 && named.st_dev == mine.st_dev &&
                     named.st_ino == mine.st_ino;

@@ -30,6 +30,12 @@ class AppendFile : public ReadAt {
 /// The failure of who is not the only writer of an archive.
 Error another_writes(const std::string& path);
 
+/// The failure of what cannot be an archive: a pipe, a device.
+Error no_regular_file(const std::string& path);
+
+/// @throws Error{kOutput} if the file is not there, no regular file, or may not be written; it stays as it is
+void check_may_write(const std::string& path);
+
 /// An existing file under an exclusive lock that lasts as long as the object.
 class LockedFile final : public AppendFile {
  public:

@@ -33,7 +33,10 @@ void check_expected(const std::string& path, std::uint64_t expected, std::uint64
   }
   throw Error(ErrorCode::kIncompatible, "the last commit of '" + path + "' is " + std::to_string(last) +
                                             ", not " + std::to_string(expected))
-      .hint("somebody committed in between; look at the archive again")
+      .hint(expected < last ? "somebody committed in between; look at the archive again"
+                            : "commits are missing at its end: they were torn off, or this is another file; "
+                              "'apgm-verify " +
+                                  path + "' tells more, 'apgm-verify --recover' saves what is left of them")
       .at(path);
 }
 
@@ -65,7 +68,7 @@ struct ArchiveWriter::State {
   std::optional<LockedFile> file;
   std::optional<Reader> last;
   std::unique_ptr<CommitTarget> target;
-  const AppendTarget* append = nullptr;  // `target`, of an archive that was there
+  TornEnd torn;
   std::optional<ArchiveMerge> merge;
   TypeTable types;
   CommitReport report;
@@ -78,13 +81,20 @@ ArchiveWriter::ArchiveWriter(const std::string& path, const ArchiveOptions& opti
   s.options = options;
   if (options.create && !is_there(path)) {
     if (options.expected) check_expected(path, *options.expected, 0);
-    s.target = std::make_unique<CreateTarget>(path);
+    s.target = options.dry_run ? std::unique_ptr<CommitTarget>(std::make_unique<TrialTarget>())
+                               : std::make_unique<CreateTarget>(path);
     return;
   }
-  s.file.emplace(path);
-  auto append = std::make_unique<AppendTarget>(*s.file, path);
-  s.append = append.get();
-  s.target = std::move(append);
+  const auto keep = [&s](auto target) {
+    s.torn = target->torn();
+    s.target = std::move(target);
+  };
+  if (options.dry_run) {
+    keep(std::make_unique<TrialTarget>(path));
+  } else {
+    s.file.emplace(path);
+    keep(std::make_unique<AppendTarget>(*s.file, path));
+  }
   if (options.expected) check_expected(path, *options.expected, s.target->base()->at.footer.commits);
   s.last.emplace(path);
 }
@@ -93,7 +103,7 @@ ArchiveWriter::~ArchiveWriter() = default;
 
 const Reader* ArchiveWriter::last() const { return state_->last ? &*state_->last : nullptr; }
 
-TornEnd ArchiveWriter::torn() const { return state_->append == nullptr ? TornEnd() : state_->append->torn(); }
+TornEnd ArchiveWriter::torn() const { return state_->torn; }
 
 void ArchiveWriter::begin(const MapHeader& header, std::vector<MapChanges::Gone> gone,
                           const CommitOptions& options) {

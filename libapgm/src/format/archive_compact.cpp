@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <unordered_map>
@@ -242,6 +243,17 @@ CompactReport compact(const InputFile& input, const FooterAt& last, OutputFile o
   return report;
 }
 
+/// A pipe would be waited for, and what goes to one is no archive.
+void check_is_no_device(const std::string& path) {
+  std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  if (!std::filesystem::exists(status) || std::filesystem::is_regular_file(status) ||
+      std::filesystem::is_directory(status)) {
+    return;
+  }
+  throw no_regular_file(path);
+}
+
 }  // namespace
 
 CompactReport compact_archive(const std::string& archive, const CompactOptions& options) {
@@ -257,6 +269,7 @@ CompactReport compact_archive(const std::string& archive, const CompactOptions& 
     return report;
   }
   check_not_an_input(options.output, std::span(&archive, 1));
+  check_is_no_device(options.output);
   const InputFile input(archive);
   check_is_archive(input);
   const Tail tail = find_last_footer(input, true);

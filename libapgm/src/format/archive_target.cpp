@@ -11,6 +11,11 @@
 namespace apgm::format {
 
 Preamble check_is_archive(const InputFile& file) {
+  if (file.size() == 0) {
+    throw Error(ErrorCode::kForeign, "'" + file.path() + "' is not an archive: it is empty")
+        .hint("remove it: 'apgm-archive commit' makes an archive where there is no file")
+        .at(file.path(), 0);
+  }
   const Preamble preamble = read_preamble(file);
   if (is_archive(preamble)) return preamble;
   throw Error(ErrorCode::kIncompatible, "'" + file.path() + "' is a sealed map, not an archive")
@@ -103,6 +108,18 @@ void write_tags(AppendTarget& target, const Tags& tags) {
   footer.previous_footer = base.at.offset;
   footer.file_bytes = target.size() + kFooterBlockBytes;
   target.close(footer_block(footer));
+}
+
+TrialTarget::TrialTarget() : size_(sizeof(Preamble)) {}
+
+TrialTarget::TrialTarget(const std::string& path) {
+  check_may_write(path);
+  input_.emplace(path);
+  check_may_append(*input_);
+  const Tail tail = find_last_footer(*input_, true);
+  base_ = open_commit(*input_, tail.last);
+  torn_ = torn_end(*input_, tail);
+  size_ = base_->at.end();
 }
 
 namespace {

@@ -61,6 +61,29 @@ class AppendTarget final : public CommitTarget {
 /// Replaces the header of the last commit by one with other tags; closes the target.
 void write_tags(AppendTarget& target, const Tags& tags);
 
+/// A commit that is only tried: what is written goes nowhere, and nothing is locked.
+class TrialTarget final : public CommitTarget {
+ public:
+  /// Of an archive that is not there.
+  TrialTarget();
+  /// Of one that is. @throws Error as LockedFile and AppendTarget, but for locks
+  explicit TrialTarget(const std::string& path);
+
+  const OpenCommit* base() const override { return base_ ? &*base_ : nullptr; }
+  const InputFile* input() const override { return input_ ? &*input_ : nullptr; }
+  void write(Bytes bytes) override { size_ += bytes.size(); }
+  std::uint64_t size() const override { return size_; }
+  void close(Bytes /*footer*/) override {}
+  /// As AppendTarget::torn.
+  const TornEnd& torn() const { return torn_; }
+
+ private:
+  std::optional<InputFile> input_;
+  std::optional<OpenCommit> base_;
+  TornEnd torn_;
+  std::uint64_t size_ = 0;
+};
+
 /// A new archive, which appears with its first commit.
 class CreateTarget final : public CommitTarget {
  public:

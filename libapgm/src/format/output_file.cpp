@@ -38,6 +38,17 @@ std::string directory_of(const std::string& path) {
   return slash == 0 ? "/" : path.substr(0, slash);
 }
 
+/// Of a file that is not there yet: what is refused may be the directory's, not that of the file it replaces.
+[[noreturn]] void fail_to_create(const std::string& path, const std::string& target, int error) {
+  if (error != EACCES && error != EPERM && error != EROFS) fail(path, "create", error);
+  throw Error(ErrorCode::kOutput, "cannot make a temporary file beside '" + path + "', in directory '" +
+                                      directory_of(target) + "': " + std::strerror(error))
+      .hint(
+          "a file is written beside its place first, also where it replaces another: you must be allowed to "
+          "write to the directory")
+      .at(path);
+}
+
 struct TemporaryName {
   static constexpr std::size_t kMostBytes = 4096;
   std::atomic<bool> taken{false}, named{false};
@@ -148,7 +159,7 @@ struct OutputFile::State {
       if (attempt(name)) return name;
       const int error = errno;
       TemporaryNames::drop(place);
-      if (error != EEXIST) fail(path, "create", error);
+      if (error != EEXIST) fail_to_create(path, target, error);
     }
     fail(path, "create", EEXIST);
   }
@@ -160,7 +171,7 @@ struct OutputFile::State {
     if (fd >= 0)
       ::close(std::exchange(fd, -1));  // without /proc it could never be given a name
     else if (errno != EOPNOTSUPP && errno != EISDIR && errno != EINVAL)
-      fail(path, "create", errno);
+      fail_to_create(path, target, errno);
     temporary = beside([&](const std::string& name) {
       fd = ::open(name.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, 0666);
       return fd >= 0;
@@ -185,7 +196,7 @@ struct OutputFile::State {
     if (is_stdout || is_device || memory != nullptr) return;
     const bool replace = ::access(target.c_str(), F_OK) == 0;
     if (replace && !options.overwrite) fail(path, "create", EEXIST);
-    if (replace) keep_mode();
+    if (replace) keep_owner_and_mode();
     if (temporary.empty()) {
       const std::string self = self_path();
       const auto link_to = [&](const std::string& name) {
@@ -209,10 +220,22 @@ struct OutputFile::State {
 
   std::string self_path() const { return "/proc/self/fd/" + std::to_string(fd); }
 
-  /// A replaced file keeps its permissions.
-  void keep_mode() const {
-    struct stat st {};
-    if (::stat(target.c_str(), &st) == 0) (void)::fchmod(fd, st.st_mode & 07777);
+  /// A replaced file keeps its owner and group, where the process may give them, and its permissions; but who
+  /// did not own it before does not get what runs with the owner's rights.
+  void keep_owner_and_mode() const {
+    struct stat old {
+    }, mine{};
+    // Not through a link: `target` was none when it was opened, and one made since names a stranger's file.
+    if (::lstat(target.c_str(), &old) != 0 || !S_ISREG(old.st_mode) || ::fstat(fd, &mine) != 0) return;
+    if (old.st_uid != mine.st_uid || old.st_gid != mine.st_gid) {
+      // A group alone may be given by any owner that is in it.
+      if (::fchown(fd, old.st_uid, old.st_gid) != 0) (void)::fchown(fd, static_cast<uid_t>(-1), old.st_gid);
+      if (::fstat(fd, &mine) != 0) return;
+    }
+    mode_t mode = old.st_mode & 07777;
+    if (old.st_uid != mine.st_uid) mode &= ~static_cast<mode_t>(S_ISUID);
+    if (old.st_gid != mine.st_gid) mode &= ~static_cast<mode_t>(S_ISGID);
+    (void)::fchmod(fd, mode);  // last: a change of owner takes these bits away
   }
 
   void sync_directory() const {

@@ -51,15 +51,16 @@ const char* guess_format(std::span<const std::byte> head) {
 }
 
 [[noreturn]] void fail_foreign(const InputFile& file, std::span<const std::byte> head) {
-  const char* guess = guess_format(head);
-  std::string text = "'" + file.path() + "' is not an apgm file: ";
+  const std::string text = "'" + file.path() + "' is not an apgm file: ";
   if (head.empty()) {
-    text += "it is empty";
-  } else {
-    text += "starts with " + hex(head.first(std::min<std::size_t>(4, head.size())));
-    if (guess != nullptr) text += " (" + std::string(guess) + ")";
+    throw Error(ErrorCode::kForeign, text + "it is empty")
+        .hint("nothing was written to it, or all of it was lost")
+        .at(file.path(), 0);
   }
-  throw Error(ErrorCode::kForeign, text).at(file.path(), 0);
+  const char* guess = guess_format(head);
+  const std::string starts = "starts with " + hex(head.first(std::min<std::size_t>(4, head.size())));
+  throw Error(ErrorCode::kForeign, text + starts + (guess == nullptr ? "" : " (" + std::string(guess) + ")"))
+      .at(file.path(), 0);
 }
 
 [[noreturn]] void fail_unsupported(const InputFile& file, const Preamble& p) {

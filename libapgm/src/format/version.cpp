@@ -8,7 +8,8 @@
 namespace apgm {
 
 Versions versions() {
-  return {APGM_VERSION, std::to_string(format::kMajor) + "." + std::to_string(format::kMinor),
+  const std::string major = std::to_string(format::kMajor) + ".";
+  return {APGM_VERSION, major + std::to_string(format::kMinor), major + std::to_string(format::kMinorArchive),
           ZSTD_versionString(),
           std::to_string(FLATBUFFERS_VERSION_MAJOR) + "." + std::to_string(FLATBUFFERS_VERSION_MINOR) + "." +
               std::to_string(FLATBUFFERS_VERSION_REVISION)};

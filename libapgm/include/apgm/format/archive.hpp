@@ -21,6 +21,9 @@ struct ArchiveOptions {
   /// looking at it earlier.
   std::optional<std::uint64_t> expected = {};
   int level = 3;  ///< zstd, 1..19
+  /// Check and count all, write nothing. The archive is not locked; whether a new file can be made is not
+  /// seen.
+  bool dry_run = false;
 };
 
 /// What lies after an archive's last commit: of an append that was interrupted, or of a commit whose end was

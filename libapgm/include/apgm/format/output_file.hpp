@@ -16,7 +16,8 @@ struct OutputOptions {
 
 /// A file that appears whole or not at all: written without a name beside its target (or under a temporary
 /// one where the file system cannot do that), given its name by `commit`. Destroyed before: nothing is left,
-/// an existing target is untouched. "-" writes to standard output. Append-only.
+/// an existing target is untouched. One that is replaced leaves its mode to the new file, and its owner and
+/// group where the process may give them. "-" writes to standard output. Append-only.
 class OutputFile {
  public:
   /// @throws Error{kOutput} if the target exists (without overwrite), is not a regular file, or cannot be

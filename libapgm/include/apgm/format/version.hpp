@@ -6,7 +6,8 @@ namespace apgm {
 
 struct Versions {
   std::string library;
-  std::string format;
+  std::string format;  ///< of sealed maps and streams that are written; all of the same major are read
+  std::string archive_format;  ///< of archives that are written
   std::string zstd;
   std::string flatbuffers;
 };
