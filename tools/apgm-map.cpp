@@ -37,14 +37,50 @@ constexpr const char* kModelGroup = "Sensor model";
 constexpr std::uint64_t kMaxYamlBytes = std::uint64_t{1} << 20;
 /// Values of layers that stay in memory unless --max-memory says otherwise.
 constexpr std::uint64_t kUsualLayerBytes = std::uint64_t{1} << 30;
-/// Part of --max-memory that these may take; the rest is for what a scan touches, its own layers, and spares.
-constexpr int kLayerShare = 4;
-/// Layers of the largest kind that one scan may touch at a time, with its own.
-constexpr std::uint64_t kLeastScanLayers = 16;
+/// Layers of the largest kind that every budget has room for in one scan.
+constexpr std::uint64_t kLeastScanLayers = 6;
 
 std::string read_yaml(const std::string& path) { return converters::read_file(path, kMaxYamlBytes); }
 
 double seconds(std::chrono::steady_clock::duration d) { return std::chrono::duration<double>(d).count(); }
+
+/// How --max-memory is shared out: a quarter to the layers in memory, of which a Mapper keeps an eighth again
+/// for those to come; a sixteenth to the list of what rests; and what is left to the cells of one scan, and
+/// to the work with the layer in hand.
+struct Shares {
+  static constexpr std::uint64_t kParts = 32, kLayers = 8, kSpares = 1, kList = 2;
+  static constexpr std::uint64_t kScan = kParts - kLayers - kSpares - kList;
+  /// What a layer takes beside its values, in memory and at rest.
+  static constexpr std::uint64_t kLayerOverhead = 512, kListedLayer = 320;
+  /// A short list is part of what is kept for buffers.
+  static constexpr std::uint64_t kShortList = std::uint64_t{2} << 20;
+
+  std::uint64_t work_bytes = 0;         ///< with the layer in hand, whatever the budget
+  std::uint64_t least_layer_bytes = 1;  ///< values of the smallest layer
+
+  std::uint64_t layers(std::uint64_t budget) const { return values(budget / kParts * kLayers); }
+  std::uint64_t scan(std::uint64_t budget) const {
+    const std::uint64_t share = budget / kParts * kScan;
+    return share > work_bytes ? values(share - work_bytes) : 0;
+  }
+  static std::uint64_t list(std::uint64_t budget) { return budget / kParts * kList + kShortList; }
+
+  /// The least budget that leaves so much.
+  std::uint64_t budget_for_layers(double values) const { return budget_for(values * per_value(), kLayers); }
+  std::uint64_t budget_for_scan(double values) const {
+    return budget_for(values * per_value() + static_cast<double>(work_bytes), kScan);
+  }
+  static std::uint64_t budget_for_list(double bytes) { return budget_for(bytes, kList); }
+
+ private:
+  double per_value() const { return 1 + double{kLayerOverhead} / static_cast<double>(least_layer_bytes); }
+  std::uint64_t values(std::uint64_t bytes) const {
+    return static_cast<std::uint64_t>(static_cast<double>(bytes) / per_value());
+  }
+  static std::uint64_t budget_for(double bytes, std::uint64_t parts) {
+    return static_cast<std::uint64_t>(std::min(bytes / static_cast<double>(parts) + 1, 0x1p56)) * kParts;
+  }
+};
 
 /// What became of the measurements.
 struct Tally {
@@ -237,17 +273,30 @@ class MapTool final : public Tool {
     }
   }
 
-  /// The largest layer, and what a profile requires at a time.
+  /// The layers, and what a profile requires at a time.
   RequiredMemory required() const {
     const LayerType type = models_.occupancy_type();
     RequiredMemory most;
-    if (!schedule_) most.layer_bytes = layer_memory(type, frame_.step_for(options_.cell_m));
+    if (!schedule_) {
+      most.layer_bytes = most.least_layer_bytes = layer_memory(type, frame_.step_for(options_.cell_m));
+    }
     for (std::size_t i = 0; schedule_ && i < schedule_->entries.size(); ++i) {
       const RequiredMemory own = required_memory(schedule_->entries[i].profile, frame_, type);
+      if (own.layer_bytes == 0) continue;
+      most.least_layer_bytes = most.layer_bytes == 0
+                                   ? own.least_layer_bytes
+                                   : std::min(most.least_layer_bytes, own.least_layer_bytes);
       most.layer_bytes = std::max(most.layer_bytes, own.layer_bytes);
       most.total_bytes = std::max(most.total_bytes, own.total_bytes);
     }
     return most;
+  }
+
+  Shares shares() const {
+    const RequiredMemory r = required();
+    const std::uint64_t in_hand = schedule_ ? 2 : 1;  // one that comes back, and what it is resampled to
+    return {in_hand * r.layer_bytes + ScratchMap::working_bytes(r.layer_bytes, writing_.level),
+            std::max<std::uint64_t>(1, r.least_layer_bytes)};
   }
 
   /// What is known to be too much for --max-memory, beside what the process holds already; before a scan is
@@ -255,33 +304,48 @@ class MapTool final : public Tool {
   void check_memory(Session& session) const {
     const std::uint64_t left = session.memory_left(heavy_);
     if (left == 0) return;
-    const auto [layer_bytes, required_bytes] = required();
-    const std::uint64_t writing = least_copy_memory({&layer_bytes, 1});
-    const std::uint64_t scan = kLeastScanLayers * layer_bytes;
-    const double profile = required_bytes * kLayerShare;
+    const RequiredMemory r = required();
+    const Shares shares = this->shares();
+    const std::uint64_t writing = least_copy_memory({&r.layer_bytes, 1});
+    const std::uint64_t scan = shares.budget_for_scan(static_cast<double>(kLeastScanLayers * r.layer_bytes));
+    const std::uint64_t profile = schedule_ ? shares.budget_for_layers(r.total_bytes) : 0;
     // The whole need at once, so that the budget it names is enough.
-    const auto least = std::max({writing, scan, static_cast<std::uint64_t>(std::min(profile, 0x1p62))});
+    const std::uint64_t least = std::max({writing, scan, profile});
     const std::string other = "take larger cells";
     if (left < writing) {
       throw over_budget("--max-memory does not hold what it takes to write one layer", least, other);
     }
-    if (static_cast<double>(left) < profile) {
+    if (left < profile) {
       throw over_budget("--max-memory does not hold the layers that the profile asks for", least, other);
     }
     if (left < scan) throw over_budget("--max-memory does not hold one scan at work", least, other);
   }
 
-  MapperOptions mapper_options(Session& session) const {
+  /// What rests takes no cells, but a place in lists. What all scans will take is guessed from those so far.
+  static void check_list(std::uint64_t budget, const ScratchMap& scratch, const ScanReader& scans) {
+    const std::uint64_t list = scratch.layers() * Shares::kListedLayer;
+    if (budget == 0 || list <= Shares::list(budget)) return;
+    const double done = static_cast<double>(scans.bytes_done());
+    const double whole = std::max(2.0, static_cast<double>(scans.total_bytes()) / std::max(done, 1.0));
+    throw over_budget("--max-memory does not hold the list of the layers",
+                      Shares::budget_for_list(static_cast<double>(list) * whole),
+                      "take larger patches with --edge");
+  }
+
+  MapperOptions mapper_options(std::uint64_t budget) const {
     MapperOptions options = options_;
-    const std::uint64_t budget = session.memory_left(heavy_);
-    options.max_memory_bytes =
-        budget == 0 ? kUsualLayerBytes : std::max<std::uint64_t>(1, budget / kLayerShare);
+    options.max_memory_bytes = kUsualLayerBytes;
+    if (budget > 0) {
+      options.max_memory_bytes = std::max<std::uint64_t>(1, shares().layers(budget));
+      options.max_measurement_bytes = std::max<std::uint64_t>(1, shares().scan(budget));
+    }
     return options;
   }
 
   Tally map_scans(Session& session, ScanReader& scans, ScanStats* stats, ScratchMap& scratch) {
     const auto start = std::chrono::steady_clock::now();
-    Mapper mapper(frame_, models_, mapper_options(session), &scratch);
+    const std::uint64_t budget = session.memory_left(heavy_);
+    Mapper mapper(frame_, models_, mapper_options(budget), &scratch);
     const RunOptions run = session.run_options(heavy_, "mapping", ProgressUnit::kBytes);
     Tally tally;
     Measurement measurement;
@@ -290,6 +354,7 @@ class MapTool final : public Tool {
       session.check_cancelled();
       if (run.progress) run.progress(scans.bytes_done(), scans.total_bytes());
       if (scan >= from_scan_) map_one(mapper, measurement, scan, stats, tally);
+      check_list(budget, scratch, scans);
     }
     if (tally.scans == 0) {
       throw usage_error(fmt::format("--from-scan {} leaves no scan: there are {}", from_scan_, scan));
@@ -313,11 +378,24 @@ class MapTool final : public Tool {
       profile_now_ = &wanted;
       moved = mapper.move_to(position_of(m), stamp_ns);
     }
-    const MapperReport added = add_measurement(mapper, m, models_.limits, tally.readings, tally.beams);
+    const MapperReport added = add(mapper, m, tally);
     for (const MapperReport::OfType& type : added.types) tally.cells_fused += type.cells_fused;
     tally.total_conflicts += added.total_conflicts;
     if (stats != nullptr) {
       stats->add(scan, tally.duration_s(), mapper.map().header().types, moved, added);
+    }
+  }
+
+  /// A scan that needs more than its share tells the budget that is enough for it.
+  MapperReport add(Mapper& mapper, const Measurement& m, Tally& tally) const {
+    try {
+      return add_measurement(mapper, m, models_.limits, tally.readings, tally.beams);
+    } catch (const Error& error) {
+      const auto hint = budget_hint(error);
+      if (!hint) throw;
+      throw over_budget(error.message(),
+                        shares().budget_for_scan(static_cast<double>(hint->least_mebibytes << 20)),
+                        "take larger cells or a shorter max_range_m");
     }
   }
 

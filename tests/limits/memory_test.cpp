@@ -7,6 +7,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <regex>
@@ -67,6 +69,15 @@ Measured measured(const std::vector<std::string>& line, const std::string& direc
   EXPECT_EQ(::wait4(child, &status, 0, &usage), child);
   return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status),
           static_cast<double>(usage.ru_maxrss) / 1024, read_file(errors)};
+}
+
+std::string tool(const std::string& verb) { return std::string(APGM_BIN_DIR) + "/apgm-" + verb; }
+
+/// The least budget as a refusal tells it, in MiB; 0 if it does not.
+int told(const Measured& run) {
+  static const std::regex size("pass --max-memory (?:with at least )?([0-9]+) ?MiB");
+  std::smatch match;
+  return std::regex_search(run.err, match, size) ? std::stoi(match[1]) : 0;
 }
 
 struct HeavyCommand {
@@ -142,8 +153,6 @@ class MemoryTest : public testing::TestWithParam<HeavyCommand> {
     std::filesystem::resize_file(to, std::filesystem::file_size(to) - 4096);
   }
 
-  static std::string tool(const std::string& verb) { return std::string(APGM_BIN_DIR) + "/apgm-" + verb; }
-
   /// A laser that drives far: its map is large.
   static void write_log(const std::string& path) {
     std::ofstream text(path);
@@ -167,13 +176,6 @@ class MemoryTest : public testing::TestWithParam<HeavyCommand> {
     line.insert(line.end(), command.arguments.begin(), command.arguments.end());
     line.insert(line.end(), more.begin(), more.end());
     return measured(line, directory_->path());
-  }
-
-  /// The least budget as a refusal tells it, in MiB; 0 if it does not.
-  static int told(const Measured& run) {
-    static const std::regex size("pass --max-memory (?:with at least )?([0-9]+) ?MiB");
-    std::smatch match;
-    return std::regex_search(run.err, match, size) ? std::stoi(match[1]) : 0;
   }
 
   static inline TempDir* directory_ = nullptr;
@@ -261,6 +263,110 @@ std::vector<HeavyCommand> heavy_commands() {
 }
 
 INSTANTIATE_TEST_SUITE_P(Tools, MemoryTest, testing::ValuesIn(heavy_commands()),
+                         [](const auto& one) { return one.param.name; });
+
+/// Scans that are mapped with budgets of all sizes.
+struct ScanCase {
+  std::string name;
+  std::vector<std::string> arguments;
+  std::string log;  ///< of the real ones; else the log is made
+  int scans = 0;
+  double circle_m = 0;  ///< the robot goes round and round
+  double range_m = 0;
+};
+std::ostream& operator<<(std::ostream& out, const ScanCase& one) { return out << one.name; }
+
+class ScanMemoryTest : public testing::TestWithParam<ScanCase> {
+ protected:
+  static constexpr int kMostMebibytes = 64;
+
+  void SetUp() override {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+    GTEST_SKIP() << "the sanitizer needs memory of its own";
+#endif
+    const ScanCase& one = GetParam();
+    if (one.log.empty()) return write_log(log_ = dir_ / "run.log");
+    const char* data = std::getenv("APGM_REAL_DATA");
+    if (data == nullptr) GTEST_SKIP() << "APGM_REAL_DATA is not set";
+    log_ = std::string(data) + "/" + one.log;
+  }
+
+  static void write_log(const std::string& path) {
+    const ScanCase& one = GetParam();
+    std::ofstream text(path);
+    for (int i = 0; i < one.scans; ++i) {
+      text << "FLASER 181";
+      for (int beam = 0; beam <= 180; ++beam) text << ' ' << one.range_m + (beam * 7 + i) % 40 / 10.0;
+      const double angle = 0.5 * i, x = one.circle_m * std::cos(angle), y = one.circle_m * std::sin(angle);
+      text << ' ' << x << ' ' << y << ' ' << angle << ' ' << x << ' ' << y << ' ' << angle << ' '
+           << 100 + 0.1 * i << " host " << 0.1 * i << '\n';
+    }
+  }
+
+  /// @param mebibytes  0: no budget
+  Measured map(int mebibytes) const {
+    std::vector<std::string> line{tool("map"), "-q", log_};
+    line.insert(line.end(), GetParam().arguments.begin(), GetParam().arguments.end());
+    line.insert(line.end(), {"-O", "-o", "out.apgm"});
+    if (mebibytes > 0) line.insert(line.end(), {"--max-memory", std::to_string(mebibytes) + "MiB"});
+    return measured(line, dir_.path());
+  }
+
+  /// Not the bytes: memory of this process counts for the next.
+  std::size_t hash_of_map() const { return std::hash<std::string>()(read_file(dir_ / "out.apgm")); }
+
+  TempDir dir_;
+  std::string log_;
+};
+
+// Layers rest and come back the more often the less memory there is: that must not take memory.
+TEST_P(ScanMemoryTest, StaysWithinEveryBudget) {
+  ASSERT_EQ(map(0).code, 0);
+  const std::size_t expected = hash_of_map();
+  int accepted = 0;
+  for (int budget = 12; budget <= kMostMebibytes; budget += 4) {
+    SCOPED_TRACE("budget " + std::to_string(budget) + " MiB");
+    const Measured run = map(budget);
+    std::printf("  %-14s %2d MiB: exit code %d, peak %.1f MiB\n", GetParam().name.c_str(), budget, run.code,
+                run.peak_mib);
+    ASSERT_THAT(run.code, AnyOf(0, 6)) << run.err;
+    EXPECT_LE(run.peak_mib, budget);
+    if (run.code == 6) {
+      EXPECT_EQ(accepted, 0) << "less was enough; " << run.err;
+      continue;
+    }
+    accepted = budget;
+    EXPECT_EQ(hash_of_map(), expected) << "the map depends on the budget";
+  }
+}
+
+TEST_P(ScanMemoryTest, StaysWithinTheBudgetThatIsTold) {
+  int budget = 12;
+  Measured run = map(budget);
+  for (int again = 0; again < 4 && run.code == 6; ++again) {
+    ASSERT_GT(told(run), budget) << run.err;
+    budget = told(run);
+    run = map(budget);
+  }
+  EXPECT_EQ(run.code, 0) << run.err;
+  EXPECT_LE(run.peak_mib, budget);
+  std::printf("  %-14s told %d MiB, peak %.1f MiB\n", GetParam().name.c_str(), budget, run.peak_mib);
+}
+
+std::vector<ScanCase> scan_cases() {
+  const std::vector<std::string> fine{"--resolution", "0.05"};
+  return {
+      {"returns", fine, "", 60, 25, 8},
+      {"far", fine, "", 8, 5, 70},
+      {"small_patches", {"--resolution", "0.1", "--edge", "0.4"}, "", 60, 40, 20},
+      {"hard_packed", {"--resolution", "0.05", "--level", "19"}, "", 20, 25, 8},
+      {"intel", fine, "scans/intel.gfs.log"},
+      {"intel_fine", {"--resolution", "0.025", "--to-scan", "200"}, "scans/intel.gfs.log"},
+      {"clinic", {"--resolution", "0.1", "--to-scan", "600"}, "scans/fr-clinic_robotlaser.clf.bz2"},
+  };
+}
+
+INSTANTIATE_TEST_SUITE_P(Scans, ScanMemoryTest, testing::ValuesIn(scan_cases()),
                          [](const auto& one) { return one.param.name; });
 
 }  // namespace

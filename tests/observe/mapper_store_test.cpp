@@ -2,6 +2,7 @@
 
 #include <functional>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/core/error.hpp"
 #include "apgm/format/message.hpp"
 #include "apgm/format/scratch_map.hpp"
@@ -385,6 +386,34 @@ TEST(MapperStoreTest, OneMeasurementIsBounded) {
   EXPECT_NO_THROW(mapper.add(scan));
   mapper.flush();
   EXPECT_EQ(store.map.size(), 2u);
+}
+
+TEST(MapperStoreTest, AMeasurementThatDoesNotFitTellsWhatItNeeds) {
+  MemoryStore store{Frame{}};
+  MapperOptions options;
+  options.cell_m = 0.0125;  // 8 MiB a patch
+  options.max_memory_bytes = 1'000'000;
+  options.max_measurement_bytes = std::uint64_t{16} << 20;
+  RangeScan scan;
+  scan.beams.push_back({{1, 1}, {12.8 * 4 + 1, 1}, true});  // 5 patches
+  {
+    Mapper mapper(Frame{}, Models{}, options, &store);
+    const Error error = [&] {
+      try {
+        mapper.add(scan);
+      } catch (const Error& e) {
+        return e;
+      }
+      return Error(ErrorCode::kCancelled, "nothing was thrown");
+    }();
+    const auto hint = budget_hint(error);
+    ASSERT_TRUE(hint) << error.message();
+    EXPECT_EQ(hint->least_mebibytes, 40u);
+    EXPECT_EQ(mapper.map().size() + store.map.size(), 0u);
+    options.max_measurement_bytes = hint->least_mebibytes << 20;
+  }
+  Mapper mapper(Frame{}, Models{}, options, &store);
+  EXPECT_NO_THROW(mapper.add(scan));
 }
 
 TEST(MapperStoreTest, AWrongProfileLeavesTheOldOne) {

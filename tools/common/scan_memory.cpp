@@ -15,6 +15,8 @@ RequiredMemory required_memory(const Profile& profile, const Frame& frame, const
   for (const Requirement& r : profile.requirements) {
     if (r.layer != type.name) continue;
     const std::uint64_t layer_bytes = layer_memory(type, frame.step_for(r.cell_m));
+    memory.least_layer_bytes =
+        memory.layer_bytes == 0 ? layer_bytes : std::min(memory.least_layer_bytes, layer_bytes);
     memory.layer_bytes = std::max(memory.layer_bytes, layer_bytes);
     const auto* ring = std::get_if<Ring>(&r.area);
     if (ring == nullptr) continue;

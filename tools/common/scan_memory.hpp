@@ -12,7 +12,8 @@ namespace apgm::tools {
 std::uint64_t layer_memory(const LayerType& type, int step);
 
 struct RequiredMemory {
-  std::uint64_t layer_bytes = 0;  ///< of the largest layer of the type
+  std::uint64_t layer_bytes = 0;        ///< of the largest layer of the type
+  std::uint64_t least_layer_bytes = 0;  ///< of the smallest
   /// Of the cells inside the rings of the type. Layers that reach out of them come on top, and polygons.
   double total_bytes = 0;
 };

@@ -102,23 +102,24 @@ struct ScratchMap::State {
   std::uint64_t end = 0;   // of the file
   std::uint64_t live = 0;  // bytes of layers in the index
   std::uint64_t most_dead = kLeastDead;
-  Layer cells;  // on their way into the file
-  StoredLayer stored;
-  std::vector<std::byte> bytes;
+  StoredLayer stored;  // on its way into the file or out of it
 
-  /// Encodes the layers of a patch into `bytes`; offsets count from there.
-  std::vector<std::pair<Place, Entry>> encode_all(const Patch& patch) {
-    bytes.clear();
+  /// Writes the layers of a patch behind the end of the file.
+  std::vector<std::pair<Place, Entry>> write_all(const Patch& patch) {
+    std::uint64_t at = end;
     std::vector<std::pair<Place, Entry>> made;
     for (const auto& [type, layer] : patch.layers) {
       const LayerType& layer_type = header.types[type];
-      cells = layer;
-      canonicalise(cells, layer_type);
+      // Layers of a live map are canonical: a copy of the cells is memory for nothing.
+      Layer copy;
+      const bool canonical = is_canonical(layer, layer_type);
+      if (!canonical) canonicalise(copy = layer, layer_type);
+      const Layer& cells = canonical ? layer : copy;
       if (is_vacuous(cells, layer_type)) continue;
       encode(cells, layer_type, level, Lossy::kNone, stored);
-      const Entry e = entry_of(patch.index, bytes.size(), layer.stamp_ns, stored);
-      bytes.insert(bytes.end(), stored.bytes.begin(), stored.bytes.end());
-      made.push_back({{curve_key(patch.index), type}, e});
+      file->write(at, stored.bytes);
+      made.push_back({{curve_key(patch.index), type}, entry_of(patch.index, at, layer.stamp_ns, stored)});
+      at += stored.bytes.size();
     }
     return made;
   }
@@ -151,17 +152,14 @@ struct ScratchMap::State {
     reclaim();
   }
 
-  /// Writes what encode_all made, in place of what there was of the patch.
+  /// Takes what write_all made, in place of what there was of the patch.
   void replace(std::uint64_t key, const std::vector<std::pair<Place, Entry>>& made) {
-    const std::uint64_t at = end;
-    file->write(at, bytes);
-    end += bytes.size();
-    live += bytes.size();
-    forget(key);
-    for (auto [place, entry] : made) {
-      entry.offset += at;
-      index.emplace(place, entry);
+    for (const auto& [place, entry] : made) {
+      end += entry.bytes;
+      live += entry.bytes;
     }
+    forget(key);
+    index.insert(made.begin(), made.end());
     reclaim();
   }
 
@@ -176,9 +174,9 @@ struct ScratchMap::State {
     auto fresh = std::make_unique<ScratchFile>(file->directory());
     std::uint64_t to = 0;
     for (auto& [entry, offset] : moves) {
-      bytes.resize(entry->bytes);
-      file->read(entry->offset, bytes);
-      fresh->write(to, bytes);
+      stored.bytes.resize(entry->bytes);
+      file->read(entry->offset, stored.bytes);
+      fresh->write(to, stored.bytes);
       offset = std::exchange(to, to + entry->bytes);
     }
     for (const auto& [entry, offset] : moves) entry->offset = offset;
@@ -212,8 +210,7 @@ struct ScratchMap::State {
     return e;
   }
 
-  void decode_layer(PatchIndex patch, TypeId type, Layer& out) const {
-    thread_local std::vector<std::byte> buffer;
+  void decode_layer(PatchIndex patch, TypeId type, std::vector<std::byte>& buffer, Layer& out) const {
     const Entry& e = read(patch, type, buffer);
     decode(static_cast<Encoding>(e.encoding), e.step, buffer, header.types[type], out);
     out.stamp_ns = e.stamp_ns;
@@ -237,6 +234,11 @@ ScratchMap::ScratchMap(MapHeader header, const std::string& directory, int level
 
 ScratchMap::~ScratchMap() = default;
 
+std::uint64_t ScratchMap::working_bytes(std::uint64_t layer_bytes, int level) {
+  constexpr std::uint64_t kBuffers = 4;  // values, a frame and a body of the codec; the stored layer
+  return kBuffers * layer_bytes + pack_memory(layer_bytes, level);
+}
+
 void ScratchMap::set_types(const TypeTable& types) {
   State& s = *state_;
   const TypeTable& old = s.header.types;
@@ -258,7 +260,7 @@ void ScratchMap::set_header(MapHeader header) {
 }
 
 void ScratchMap::store(const Patch& patch) {
-  const auto made = state_->encode_all(patch);
+  const auto made = state_->write_all(patch);
   state_->replace(curve_key(patch.index), made);
 }
 
@@ -267,7 +269,9 @@ bool ScratchMap::take(PatchIndex index, Patch& out) {
   const auto [first, last] = layers_of(s.index, curve_key(index));
   if (first == last) return false;
   std::map<TypeId, Layer> layers;
-  for (auto it = first; it != last; ++it) s.decode_layer(index, it->first.type, layers[it->first.type]);
+  for (auto it = first; it != last; ++it) {
+    s.decode_layer(index, it->first.type, s.stored.bytes, layers[it->first.type]);
+  }
   out.index = index;
   out.layers = std::move(layers);
   s.forget(curve_key(index));
@@ -277,6 +281,8 @@ bool ScratchMap::take(PatchIndex index, Patch& out) {
 void ScratchMap::put(const Parcel& parcel) { state_->put(parcel); }
 
 bool ScratchMap::erase(PatchIndex patch, TypeId type) { return state_->erase({curve_key(patch), type}); }
+
+std::uint64_t ScratchMap::layers() const { return state_->index.size(); }
 
 std::uint64_t ScratchMap::file_bytes() const { return state_->end; }
 
@@ -306,7 +312,8 @@ std::unique_ptr<PatchCursor> ScratchMap::patches(const std::optional<PatchRange>
 }
 
 void ScratchMap::load(const LayerInfo& info, Layer& out) const {
-  state_->decode_layer(info.patch, info.type, out);
+  thread_local std::vector<std::byte> buffer;
+  state_->decode_layer(info.patch, info.type, buffer, out);
 }
 
 bool ScratchMap::load_stored(const LayerInfo& info, StoredLayer& out) const {

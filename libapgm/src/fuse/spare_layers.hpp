@@ -15,6 +15,8 @@ class SpareLayers {
   static constexpr std::size_t kMost = 64;
   static constexpr std::size_t kMostBytes = std::size_t{32} << 20;
 
+  explicit SpareLayers(std::size_t most_bytes = kMostBytes) : most_bytes_(most_bytes) {}
+
   /// A layer of some shape; all its values are unspecified. Memory of one that suffices and is at most four
   /// times what is needed, where there is one.
   Layer take(std::size_t value_bytes) {
@@ -35,7 +37,7 @@ class SpareLayers {
   void keep(Layer&& layer) {
     Layer taken = std::move(layer);
     if (taken.capacity_bytes() == 0 || layers_.size() == kMost) return;
-    if (taken.capacity_bytes() > kMostBytes - bytes_) return;
+    if (taken.capacity_bytes() > most_bytes_ - bytes_) return;
     bytes_ += taken.capacity_bytes();
     layers_.push_back(std::move(taken));
   }
@@ -43,6 +45,7 @@ class SpareLayers {
   std::size_t bytes() const { return bytes_; }
 
  private:
+  std::size_t most_bytes_;
   std::vector<Layer> layers_;
   std::size_t bytes_ = 0;
 };

@@ -8,7 +8,8 @@
 
 namespace apgm::observe {
 
-LiveMap::LiveMap(MapHeader header) : map_(std::move(header)), totals_(map_.header().types.size()) {}
+LiveMap::LiveMap(MapHeader header, std::size_t spare_bytes)
+    : map_(std::move(header)), totals_(map_.header().types.size()), spares_(spare_bytes) {}
 
 void LiveMap::set_types(const TypeTable& types) {
   const std::vector<TypeId> ids = matching_ids(map_.header().types, types);

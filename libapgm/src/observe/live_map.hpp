@@ -15,7 +15,8 @@ namespace apgm::observe {
 /// The patches a Mapper has in memory, with what changed since the last look and totals by type.
 class LiveMap {
  public:
-  explicit LiveMap(MapHeader header);
+  /// @param spare_bytes  most memory that is kept of layers that left
+  LiveMap(MapHeader header, std::size_t spare_bytes);
 
   const Map& map() const { return map_; }
   const TypeTable& types() const { return map_.header().types; }

@@ -28,8 +28,11 @@ const MapperOptions& checked(const MapperOptions& options, const PatchStore* sto
   return options;
 }
 
-/// Values that one measurement may fill: room for one layer of any size at least.
+/// Values that one measurement may fill: unless it is said, room for one layer of any size at least.
 std::uint64_t measurement_bytes(const MapperOptions& options) {
+  if (options.max_measurement_bytes > 0) {
+    return std::min(options.max_measurement_bytes, Observer::kMaxBytes);
+  }
   if (options.max_memory_bytes == 0) return Observer::kMaxBytes;
   return std::clamp<std::uint64_t>(options.max_memory_bytes, Layer::kMaxBytes, Observer::kMaxBytes);
 }
@@ -38,6 +41,13 @@ std::uint64_t measurement_bytes(const MapperOptions& options) {
 std::uint64_t kept_bytes(const MapperOptions& options) {
   constexpr std::uint64_t kMost = std::uint64_t{64} << 20;
   return options.max_memory_bytes == 0 ? kMost : std::min(kMost, options.max_memory_bytes / 4);
+}
+
+/// Memory of layers that left: with a bound they leave all the time, and must not take more than those that
+/// stay.
+std::uint64_t spare_bytes(const MapperOptions& options) {
+  constexpr std::uint64_t kMost = fuse::SpareLayers::kMostBytes;
+  return options.max_memory_bytes == 0 ? kMost : std::min(kMost, options.max_memory_bytes / 8);
 }
 
 /// A fused map holds both kinds of evidence in a cell.
@@ -77,7 +87,7 @@ Mapper::State::State(const Frame& map_frame, const Models& models, const MapperO
       occupancy_type(models.occupancy_type()),
       semantic_type(models.semantic_type()),
       ageing(options.ageing_per_s),
-      live(header_of(map_frame, models)),
+      live(header_of(map_frame, models), spare_bytes(options)),
       base_step(map_frame.step_for(options.cell_m)) {
   set_types(live.types());
 }

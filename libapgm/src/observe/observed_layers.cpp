@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 
+#include "apgm/core/budget.hpp"
 #include "apgm/core/error.hpp"
 #include "observe/grid_point.hpp"
 
@@ -11,6 +12,8 @@ namespace {
 
 /// Layers that no measurement has used for a while are freed beyond this.
 constexpr std::uint64_t kMaxUnusedBytes = std::uint64_t{256} << 20;
+/// A measurement of more patches that does not fit is not looked at to its end.
+constexpr std::size_t kMaxCountedPatches = 65'536;
 
 std::span<float> row_band(Layer& layer, int channel, RowRange rows) {
   const auto side = static_cast<std::size_t>(layer.side());
@@ -73,10 +76,11 @@ int ObservedLayers::make(PatchIndex patch, int step) {
   if (step < 0 || step > kMaxStep) throw Error(ErrorCode::kLimit, "a resolution step lies in 0..11");
   auto& unused = unused_[static_cast<std::size_t>(step)];
   bytes_ += type_.channels.size() * sizeof(float) << (2 * step);
+  if (unused.empty() && bytes_ + unused_bytes_ > max_bytes_) free_unused();
   if (bytes_ > max_bytes_) {
-    throw Error(ErrorCode::kLimit,
-                "one measurement fills more than " + std::to_string(max_bytes_ >> 20) + " MiB of cells")
-        .hint("take larger cells or a shorter max_range_m, or allow more memory");
+    // The rest is only counted, to tell what all of it needs.
+    if (bytes_ > Observer::kMaxBytes || by_patch_.size() > kMaxCountedPatches) check_size();
+    return kUnwanted;
   }
   Layer layer;
   if (unused.empty()) {
@@ -88,6 +92,15 @@ int ObservedLayers::make(PatchIndex patch, int step) {
   }
   layers_.push_back({patch, {}, std::move(layer)});
   return static_cast<int>(layers_.size()) - 1;
+}
+
+void ObservedLayers::check_size() const {
+  if (bytes_ <= max_bytes_) return;
+  const std::string what =
+      "one measurement fills more than " + std::to_string(max_bytes_ >> 20) + " MiB of cells";
+  const std::string instead = "take larger cells or a shorter max_range_m";
+  if (bytes_ > Observer::kMaxBytes) throw Error(ErrorCode::kLimit, what).hint(instead);
+  throw over_budget(what, bytes_, instead);
 }
 
 bool ObservedLayers::has_data(const ObservedLayer& layer) const {

@@ -14,16 +14,19 @@ class ObservedLayers {
  public:
   static constexpr int kUnwanted = -1;
 
-  /// @param max_bytes  of values that a single measurement may fill
+  /// @param max_bytes  of values that a single measurement may fill; memory of earlier ones counts
   ObservedLayers(LayerType type, std::uint64_t max_bytes) : type_(std::move(type)), max_bytes_(max_bytes) {}
 
   const LayerType& type() const { return type_; }
   /// Begins a measurement: no layers. Those handed out before are used again.
   void begin_measurement();
-  /// Position of the layer of `patch`, made without data when absent; kUnwanted if `step_of` gives no step.
-  /// `step_of` is asked once a patch and measurement.
-  /// @throws Error{kLimit} beyond max_bytes or if the step is not in 0..11
+  /// Position of the layer of `patch`, made without data when absent; kUnwanted if `step_of` gives no step,
+  /// and for all that comes beyond max_bytes. `step_of` is asked once a patch and measurement.
+  /// @throws Error{kLimit} if the step is not in 0..11, or as check_size if there is no end of it
   int find(PatchIndex patch, const StepOf& step_of);
+  /// To be called once all patches were looked for.
+  /// @throws over_budget() if they do not fit into max_bytes: with what they need
+  void check_size() const;
   ObservedLayer& operator[](int at) { return layers_[static_cast<std::size_t>(at)]; }
   auto begin() { return layers_.begin(); }
   auto end() { return layers_.end(); }

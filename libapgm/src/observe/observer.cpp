@@ -175,6 +175,7 @@ std::span<const ObservedLayer> Observer::observe(const RangeScan& scan, const St
   s.occupancy.begin_measurement();
   s.hits.clear();
   for (const RangeScan::Beam& beam : scan.beams) s.add_beam(beam, step_of);
+  s.occupancy.check_size();
   s.apply_hits();
   s.finish_occupancy(origin);
   return s.occupancy.finish(scan.stamp_ns);
@@ -185,6 +186,7 @@ std::span<const ObservedLayer> Observer::observe(const LabelledGround& image, co
   s.checked_origin(image.origin);
   s.semantics.begin_measurement();
   for (const LabelledGround::Pixel& pixel : image.pixels) s.add_pixel(pixel, image.origin, step_of);
+  s.semantics.check_size();
   for (ObservedLayer& layer : s.semantics) observe::finish_camera(s.models.camera, layer);
   return s.semantics.finish(image.stamp_ns);
 }

@@ -24,6 +24,9 @@ class ScratchMap final : public PatchStore, public PatchSource {
   /// @throws Error{kOutput} if no file can be made there, {kInvalidArgument} on the level or the header
   ScratchMap(MapHeader header, const std::string& directory, int level = 3);
   ~ScratchMap() override;
+  /// Most memory that `store` and `take` keep from call to call, beside the index.
+  /// @param layer_bytes  values of the largest layer, whose masses are canonical
+  static std::uint64_t working_bytes(std::uint64_t layer_bytes, int level);
 
   void set_types(const TypeTable& types) override;
   /// @throws Error{kOutput} if the disk is full, {kInvalidArgument} on masses out of range; the patch it held
@@ -40,6 +43,8 @@ class ScratchMap final : public PatchStore, public PatchSource {
   /// Replaces the header; layers follow their type's name.
   /// @throws Error{kIncompatible} as set_types, or if the frame is another
   void set_header(MapHeader header);
+  /// Layers it holds.
+  std::uint64_t layers() const;
   /// Bytes the file takes.
   std::uint64_t file_bytes() const;
 

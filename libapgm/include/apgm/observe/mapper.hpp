@@ -35,10 +35,15 @@ struct MapperOptions {
   /// top. What a profile requires must fit: the call that finds it does not throws Error{kLimit}, see
   /// `Mapper`.
   ///
-  /// Besides: one measurement may fill as much again, 64 MiB at least (4 GiB without a bound), of which a
-  /// quarter of the bound, at most 64 MiB, is kept from call to call; up to 32 MiB of memory of layers that
-  /// left are used again; up to 128 MiB serve to resample and discount.
+  /// Besides: the cells of one measurement, of which a quarter of the bound, at most 64 MiB, is kept from
+  /// call to call; memory of layers that left, to be used again, an eighth of the bound, at most 32 MiB; a
+  /// layer to resample to, and where a measurement has other steps than the map or is not fully trusted two
+  /// more; some 150 bytes for each patch in the store.
   std::uint64_t max_memory_bytes = 0;
+  /// Most values that the cells of one measurement may take, bytes, those kept from earlier ones counted;
+  /// 0: as much as max_memory_bytes, 64 MiB at least (4 GiB without a bound). What needs more throws
+  /// over_budget() with what it needs.
+  std::uint64_t max_measurement_bytes = 0;
 };
 
 /// What one call of a Mapper did and what the map then holds, by TypeId of its header.

@@ -85,7 +85,7 @@ class Observer {
  public:
   static constexpr std::uint64_t kMaxBytes = std::uint64_t{4} << 30;
 
-  /// @param max_bytes  of values that one measurement may fill
+  /// @param max_bytes  of values that one measurement may fill, those kept from earlier ones counted
   /// @throws Error as Models::check
   Observer(const Frame& frame, Models models, std::uint64_t max_bytes = kMaxBytes);
   ~Observer();
@@ -96,7 +96,8 @@ class Observer {
   /// The occupancy layer of one scan (paper, grid measurement model).
   /// @param step_of  asked once per patch that a beam meets
   /// @throws Error{kInvalidArgument|kLimit} if the origin is not finite or outside all patches, {kLimit} if a
-  ///         step is not in 0..11 or the layers exceed max_bytes. The observer can be used again
+  ///         step is not in 0..11, over_budget() if the layers exceed max_bytes. The observer can be used
+  ///         again
   std::span<const ObservedLayer> observe(const RangeScan& scan, const StepOf& step_of);
   /// The semantic layer of one image. Errors as above.
   std::span<const ObservedLayer> observe(const LabelledGround& image, const StepOf& step_of);
