@@ -15,13 +15,27 @@ namespace {
 constexpr double kKittiPeriod_s = 0.1;
 constexpr float kSeenFree = 0.5f;
 
-/// Checks that there is room for the layers that a profile asks for round the vehicle and the map has not.
-void check_room(const DriveRequest& request, const Profile& wanted, Point vehicle, const Map& map) {
+/// Part of what is left that the cells of one measurement may take.
+constexpr std::uint64_t kMeasurementShare = 4;
+
+MapperOptions mapper_options(const DriveRequest& request) {
+  MapperOptions options;
+  if (request.memory_left) {
+    options.max_measurement_bytes = std::max<std::uint64_t>(request.memory_left() / kMeasurementShare, 1);
+  }
+  return options;
+}
+
+/// Checks that there is room for the layers that a profile asks for round the vehicle and the map has not,
+/// and for a measurement beside them.
+/// @param measurement_bytes  most that it may take
+void check_room(const DriveRequest& request, const Profile& wanted, Point vehicle, const Map& map,
+                std::uint64_t measurement_bytes) {
   if (!request.memory_left) return;
   const TypeTable& types = map.header().types;
   const ProfileInFrame profile(wanted, request.frame);
   const PatchRange reach = profile.reach(vehicle);
-  std::uint64_t need = 0;
+  std::uint64_t need = measurement_bytes;
   for (std::int32_t y = reach.min.y; y <= reach.max.y; ++y) {
     for (std::int32_t x = reach.min.x; x <= reach.max.x; ++x) {
       for (TypeId type = 0; type < types.size(); ++type) {
@@ -41,7 +55,8 @@ class ScanDrive final : public DriveSource {
   explicit ScanDrive(const DriveRequest& request)
       : request_(request),
         scans_(converters::open_scans(request.scans)),
-        mapper_(request.frame, request.models) {}
+        options_(mapper_options(request)),
+        mapper_(request.frame, request.models, options_) {}
 
   bool next(DriveMoment& out) override {
     if (!scans_->next(measurement_)) return false;
@@ -51,12 +66,12 @@ class ScanDrive final : public DriveSource {
     out.time_s = static_cast<double>(last_ns_ - first_ns_) / 1e9;
     const Profile& wanted = request_.schedule.at(out.time_s);
     out.vehicle = position_of(measurement_);
-    check_room(request_, wanted, out.vehicle, mapper_.map());
+    check_room(request_, wanted, out.vehicle, mapper_.map(), options_.max_measurement_bytes);
     if (&wanted != profile_) mapper_.set_profile(wanted);
     profile_ = &wanted;
     out.profile = wanted.name;
     mapper_.move_to(out.vehicle, stamp_ns);
-    add_measurement(mapper_, measurement_, request_.models.limits, skipped_, beams_);
+    add();
     return true;
   }
 
@@ -71,8 +86,19 @@ class ScanDrive final : public DriveSource {
   }
 
  private:
+  void add() {
+    try {
+      add_measurement(mapper_, measurement_, request_.models.limits, skipped_, beams_);
+    } catch (const Error& e) {
+      const auto hint = budget_hint(e);
+      if (!hint || !request_.memory_left) throw;
+      throw over_budget(e.message(), (hint->least_mebibytes << 20) * kMeasurementShare);
+    }
+  }
+
   DriveRequest request_;
   std::unique_ptr<converters::ScanReader> scans_;
+  MapperOptions options_;
   Mapper mapper_;
   converters::Measurement measurement_;
   const Profile* profile_ = nullptr;
@@ -113,7 +139,7 @@ class MotionDrive final : public DriveSource {
   const Map& map() override {
     if (is_current_) return map_;
     map_ = Map(header());
-    check_room(request_, *profile_, vehicle_, map_);
+    check_room(request_, *profile_, vehicle_, map_, 0);
     const ProfileInFrame profile(*profile_, request_.frame);
     const PatchRange reach = profile.reach(vehicle_);
     for (std::int32_t y = reach.min.y; y <= reach.max.y; ++y) {
