@@ -128,8 +128,24 @@ class JobPool {
   std::vector<Job*> free_;
 };
 
-/// Stands for the start of a pipeline. No member of a closure: TBB's copies of these are read behind it.
-const char kStart{};
+/// A function that TBB copies when a pipeline starts: who calls a copy sees all of it.
+template <class Function>
+class Stage {
+ public:
+  explicit Stage(const Function& function) : function_(function) {}
+  Stage(const Stage& other) : function_(other.function_) { hand_over(&kCopied); }
+  Stage& operator=(const Stage&) = delete;
+
+  template <class... Arguments>
+  auto operator()(Arguments&&... arguments) const {
+    receive(&kCopied);
+    return function_(std::forward<Arguments>(arguments)...);
+  }
+
+ private:
+  static constexpr char kCopied{};
+  Function function_;
+};
 
 std::size_t run_parallel(Stream& stages, std::size_t threads, std::size_t tokens) {
   namespace tbb = oneapi::tbb;
@@ -137,7 +153,6 @@ std::size_t run_parallel(Stream& stages, std::size_t threads, std::size_t tokens
   tbb::enumerable_thread_specific<Desk> desks;
   const char first{}, last{};  // addresses that stand for what TBB keeps in order
   const auto produce = [&](tbb::flow_control& flow) -> Job* {
-    receive(&kStart);
     const Turn turn(&first);
     Job* job = pool.take();
     const Turn of_job(job);
@@ -160,14 +175,13 @@ std::size_t run_parallel(Stream& stages, std::size_t threads, std::size_t tokens
     stages.consume(*job);
     pool.give(job);
   };
-  hand_over(&kStart);
   const AtEnd ended{{&first, &last, &desks}};
   tbb::task_arena arena(static_cast<int>(threads));
   arena.execute([&] {
-    tbb::parallel_pipeline(tokens,
-                           tbb::make_filter<void, Job*>(tbb::filter_mode::serial_in_order, produce) &
-                               tbb::make_filter<Job*, Job*>(tbb::filter_mode::parallel, work) &
-                               tbb::make_filter<Job*, void>(tbb::filter_mode::serial_in_order, consume));
+    tbb::parallel_pipeline(
+        tokens, tbb::make_filter<void, Job*>(tbb::filter_mode::serial_in_order, Stage(produce)) &
+                    tbb::make_filter<Job*, Job*>(tbb::filter_mode::parallel, Stage(work)) &
+                    tbb::make_filter<Job*, void>(tbb::filter_mode::serial_in_order, Stage(consume)));
   });
   return pool.made();
 }
