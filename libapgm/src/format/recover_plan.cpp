@@ -57,9 +57,8 @@ void RecoverPlan::count_left_out() {
     if (key != found.key) {
       key = found.key;
       taken.clear();
-      for (const Chosen& c : std::ranges::equal_range(layers, found.key, {}, &Chosen::key)) {
-        taken.push_back(c.info.content_hash);
-      }
+      auto c = std::ranges::lower_bound(layers, found.key, {}, &Chosen::key);
+      for (; c != layers.end() && c->key == found.key; ++c) taken.push_back(c->info.content_hash);
       std::ranges::sort(taken);
     }
     if (std::ranges::binary_search(taken, found.info.content_hash)) continue;
